@@ -69,7 +69,7 @@ def load_installed_modules() -> tuple[ModuleType, ...]:
             package = entry.dist.name if entry.dist else "a package"
             raise DeclarationError(
                 f"{package} has the entry point {entry.name} of {ENTRY_POINTS}, but {entry.value} "
-                f"cannot be imported: {error}"
+                f"cannot be imported: {error}; mend it or uninstall {package}"
             ) from error
     return tuple(modules)
 

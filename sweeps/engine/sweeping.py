@@ -287,7 +287,9 @@ def is_complete(
         return False
     damaged = verify(path)
     if damaged:
-        say(f"{len(damaged):,} files of the store are damaged ({damaged[0]}) and are written again")
+        files, are = ("file", "is") if len(damaged) == 1 else ("files", "are")
+        number = f"{len(damaged):,} {files} of the store {are} damaged"
+        say(f"{number} ({damaged[0]}) and {are} written again")
     return not damaged
 
 

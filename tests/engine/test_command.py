@@ -169,8 +169,8 @@ def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     capsys.readouterr()
     assert Command(pendulums).main(["cache=cache", "cluster=inline", "store=s.zarr"]) == 2
     assert capsys.readouterr().err == (
-        f"pendulums: store is {str(tmp_path / 's.zarr')!r}, which holds other data; it must be "
-        "a new path, or a store of pendulums\n"
+        f"pendulums: store is {str(tmp_path / 's.zarr')!r}, which holds {SPRINGS.title!r}; it must "
+        "be a new path, or a store of pendulums\n"
     )
     assert start("store=s.zarr", "spring.mass=9") == 2
     assert "give spring.mass=[1,2,9] to have both, or another store" in capsys.readouterr().err

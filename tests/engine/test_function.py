@@ -149,6 +149,8 @@ def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
         (own, {"own": [1]}, "own is named like the setting own.own; rename one of them"),
         (np.sin, {"x": [1]}, "sin takes 'x' by position only"),
         (partial(product, 1), {"x": [1]}, "values has 'x', but product takes y, scale"),
+        (product, dict.fromkeys("xy", range(10**4)), "has 100,000,000 cells, but may have at most"),
+        (lambda *args: 1, {"x": [1]}, "takes no name"),
         (min, {"x": [1]}, "function is min, whose arguments Python cannot inspect"),
         (3, {"x": [1]}, "function is 3, but must be a callable"),
     ],

@@ -265,12 +265,23 @@ def test_a_fixed_argument_may_be_named_like_an_attribute_of_the_store(tmp_path):
     ("function", "sentence"),
     [
         (shifted, "shifted returned other labels of the dimension 'bin'"),
-        (sometimes_text, r"returned sometimes_text as numbers \[\] and as texts \[\]"),
+        (sometimes_text, r"returned sometimes_text as numbers and as texts"),
     ],
 )
 def test_results_that_do_not_fit_together_are_refused(run, function, sentence):
     with pytest.raises(DeclarationError, match=sentence):
         run(function, VALUES)
+
+
+def test_no_variable_of_a_result_replaces_another(run):
+    """As in a mapping of mappings, whose names are those of the inner ones."""
+    with pytest.warns(CallsFailed, match="returned the variable 'y' twice; rename one"):
+        run(lambda a: {"x": {"y": a}, "z": {"y": 2 * a}}, VALUES)
+
+
+def test_a_call_that_returns_nothing_is_told_so(run):
+    with pytest.warns(CallsFailed, match="returned None as .*; a return may be missing"):
+        run(lambda a: None, VALUES)
 
 
 def test_a_result_named_like_an_argument_fails(run):

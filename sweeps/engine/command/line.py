@@ -61,8 +61,6 @@ RESUME_HINT = "the same command resumes the sweep"
 PRUNE = "prune="  # before the size to which --cache prunes
 HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
-MAX_CELLS = 10_000_000  # their keys fit into memory
-
 Report = Callable[[PathOrUrl, Choices, SweepOutcome], None]
 PlannedSweep = tuple[Plan, RunOptions]
 
@@ -204,7 +202,6 @@ class Command:
                 options = self._run_options(choices, store)
                 with environment(choices.variables):
                     plan = Plan(self.experiment, choices)
-                    _check_size(plan)
                     extended_attributes(store, plan)
                 sweeps.append((plan, options))
         return sweeps
@@ -383,14 +380,3 @@ def _is_for_hydra(word: str) -> bool:
     """Return whether a word of the command line needs Hydra's own options, jobs or folders."""
     is_option = word.startswith("-") and word not in MULTIRUN
     return is_option or word.lstrip("+~").startswith(("hydra.", "hydra/")) or "${hydra:" in word
-
-
-def _check_size(plan: Plan) -> None:
-    """Refuse a sweep of too many cells."""
-    cells = sum(plan.count(bound) for bound in plan.bound.values())
-    if cells > MAX_CELLS:
-        listed = ", ".join(f"{key} ({count:,})" for key, count in plan.axis_lengths.items())
-        raise ConfigurationError(
-            f"the sweep has {cells:,} cells, but may have at most {MAX_CELLS:,}; "
-            f"numbers of values: {listed}"
-        )

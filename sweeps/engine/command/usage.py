@@ -142,8 +142,7 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
             for paragraph in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrap_text(paragraph, 2 * INDENT)
     if not lines:
-        problem = f"--settings has {' '.join(words)!r}"
-        raise ConfigurationError(f"{problem}, but must have words of a key or a description")
+        raise ConfigurationError(f"--settings: no key or description has {' '.join(words)!r}")
     return "\n".join(lines)
 
 

@@ -83,6 +83,8 @@ def split_variables(output: UndeclaredOutput, found: Any) -> tuple[list[tuple[Ou
         values = _to_array(f"{output.name} returned the variable {name!r}", returned.values)
         if returned.coordinate and not values.ndim and name in output.reserved:
             continue  # an argument that the function returned
+        if any(name == earlier.name for earlier, _ in declared):
+            raise TypeError(f"{output.name} returned the variable {name!r} twice; rename one")
         key = (name, returned.dims, returned.coordinate, values.dtype, values.ndim)
         if (variable := output.variables.get(key)) is None:
             variable = output.variables[key] = _make_output(output, *key)
@@ -108,7 +110,8 @@ def _make_output(
     """Return the output of a variable."""
     subject = f"{output.name} returned the variable {name!r}"
     if not isinstance(name, str) or not name or "/" in name or name.startswith((".", "__")):
-        raise TypeError(f"{subject}, but a name is a text without '/' that begins with a letter")
+        allowed = "must be a text without '/' that does not begin with '.' or '__'"
+        raise TypeError(f"{subject}, but a name {allowed}")
     if dims is None:
         dims = output.dims_of.get(name) or (output.dims if ndim else ())
         dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
@@ -193,7 +196,10 @@ def infer_outputs(output: UndeclaredOutput, layouts: Sequence[Layout]) -> list[O
                 shapes[name][-1][0]
             ):
                 conflicting = (shapes[name][0], shapes[name][-1])
-                forms = [f"{_dtype_kind(dtype)} {list(shape)}" for dtype, shape in conflicting]
+                forms = [
+                    f"{_dtype_kind(dtype)} of shape {shape}" if shape else _dtype_kind(dtype)
+                    for dtype, shape in conflicting
+                ]
                 raise DeclarationError(
                     f"{output.name} returned {name} as {' and as '.join(forms)} for different "
                     "arguments, which do not fit one variable"

@@ -129,7 +129,7 @@ def _as_python(value: Any) -> Any:
     """Return a value as a Python value; times of numpy stay as they are."""
     if hasattr(value, "to_datetime64"):  # of pandas
         return value.to_datetime64()
-    value = getattr(value, "values", value)  # of a data array
+    value = value.values if hasattr(value, "dims") else value  # of a data array
     value = value[()] if isinstance(value, np.ndarray) and not value.ndim else value
     times = isinstance(value, np.datetime64 | np.timedelta64)
     return value.item() if isinstance(value, np.generic) and not times else value

@@ -247,7 +247,7 @@ def _argument_settings(
     for argument in values:
         if argument not in known and argument not in labels and not takes_any:
             raise ConfigurationError(
-                f"values has {argument!r}, but {name} takes {', '.join(known)}"
+                f"values has {argument!r}, but {name} takes {', '.join(known) or 'no name'}"
             )
         if argument in (RNG, VALID):
             raise ConfigurationError(f"values has {argument!r}, a reserved name")

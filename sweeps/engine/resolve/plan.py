@@ -28,6 +28,7 @@ from sweeps.engine.resolve.modules import save_parsed_modules
 Indices = NDArray[np.signedinteger[Any]]
 Cells = Indices  # numbers of cells of a stage
 
+MAX_CELLS = 10_000_000  # of a sweep, whose keys fit into memory
 HASHED_CELLS = 2**18  # cells that are hashed together
 NOT_CALLED = object()  # placeholder: this plain stage has not been called yet
 STREAM_WORDS = ("seed", "stage")  # labels in the name of a stream that no setting may have
@@ -129,6 +130,7 @@ class Plan:
         self._keys: dict[BoundStage, Keys] = {}
         self._fingerprints: dict[BoundStage, str] = {}
         self._plain_values: dict[BoundStage, NDArray[np.object_]] = {}  # by number of the cell
+        self._check_size()
         for bound in self.bound.values():
             self._check_joint(bound)
             if bound.stage.substitutions:
@@ -208,6 +210,16 @@ class Plan:
         swept = [number for number in numbers if self.axes[number].is_swept]
         lengths = [len(self.axes[number].points) for number in swept]
         return {number: prod(lengths[position + 1 :]) for position, number in enumerate(swept)}
+
+    def _check_size(self) -> None:
+        """Refuse too many cells."""
+        cells = sum(self.count(bound) for bound in self.bound.values())
+        if cells > MAX_CELLS:
+            listed = ", ".join(f"{key} ({count:,})" for key, count in self.axis_lengths.items())
+            raise ConfigurationError(
+                f"the sweep has {cells:,} cells, but may have at most {MAX_CELLS:,}; "
+                f"numbers of values: {listed}"
+            )
 
     def _check_joint(self, bound: BoundStage) -> None:
         """Refuse gathered settings that run together with others."""

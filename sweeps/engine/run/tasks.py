@@ -486,7 +486,8 @@ def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...
     if dtype.kind == "f" and _is_number(values) and abs(values) <= _max_float(output.dtype):
         array = np.array(values, dtype)  # the general way takes 10 us
     elif values is None:
-        raise _output_error(stage, output, "None")
+        hint = f"values that the dtype {output.dtype} holds; a return may be missing"
+        raise _output_error(stage, output, "None", hint)
     else:
         try:
             array, masked = _split_mask(values)

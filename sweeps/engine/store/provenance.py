@@ -181,8 +181,9 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     ConfigurationError names the keys that differ, and the remedy.
     """
     if "configuration" not in old or old.get("title") != experiment.title:
+        content = repr(old["title"]) if "title" in old else "other data"
         raise ConfigurationError(
-            f"store is {path!r}, which holds other data; it must be a new path, or a store of "
+            f"store is {path!r}, which holds {content}; it must be a new path, or a store of "
             f"{experiment.name}"
         )
     settings = _result_settings(experiment)
