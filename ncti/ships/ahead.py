@@ -4,25 +4,32 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, Popen
 
 from ncti.processors import processor_count
 from ncti.ships.errors import ShipError
-from ncti.ships.loading import describe
+from ncti.ships.loading import describe, is_built
 
 MOST_PROCESSES = 8
 """Most processes by default: a login node has other users."""
 
 
-def build_ahead(ships: Sequence[str], *, cache: str | Path, processes: int | None = None) -> None:
+def build_ahead(
+    ships: Sequence[str],
+    *,
+    cache: str | Path,
+    processes: int | None = None,
+    progress: Callable[[int], None] = lambda built: None,
+) -> None:
     """Build named ships into a cache folder, in several processes including this one.
 
     By default one process per processor, up to `MOST_PROCESSES`. Ships that cannot be built are
     left out, since `describe` states the fault; so are the ships of a process that cannot start or
-    is killed.
+    is killed. `progress` is called with the number of ships that are built, after each one of this
+    process.
     """
     most = processes or min(processor_count(), MOST_PROCESSES)
     count = max(1, min(most, len(ships)))
@@ -32,7 +39,9 @@ def build_ahead(ships: Sequence[str], *, cache: str | Path, processes: int | Non
             for first in range(1, count):
                 command = [sys.executable, "-m", __name__, str(cache), *ships[first::count]]
                 others.append(Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL))
-        _build(ships[::count], cache)
+        for ship in ships[::count]:
+            _build([ship], cache)
+            progress(sum(_is_built(name, cache) for name in ships))
         for process in others:
             process.wait()
     finally:
@@ -48,6 +57,14 @@ def _build(ships: Sequence[str], cache: str | Path, parent: int | None = None) -
             return
         with suppress(ShipError):
             describe(ship, cache=cache)
+
+
+def _is_built(ship: str, cache: str | Path) -> bool:
+    """Return whether a cache has a ship; False if there is no such ship."""
+    try:
+        return is_built(ship, cache=cache)
+    except ShipError:
+        return False
 
 
 if __name__ == "__main__":

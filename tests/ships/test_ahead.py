@@ -14,7 +14,12 @@ NAMES = ["duncan", "texas", "duncan@0.1", "texas@0.2"]
 def test_ships_are_built_in_other_processes_as_in_this_one(tmp_path):
     for processes in (1, 3):
         assert not any(is_built(name, cache=tmp_path / str(processes)) for name in NAMES)
-        build_ahead(NAMES, cache=tmp_path / str(processes), processes=processes)
+        counts = []
+        build_ahead(
+            NAMES, cache=tmp_path / str(processes), processes=processes, progress=counts.append
+        )
+        assert counts == sorted(counts) and 1 <= counts[0] and counts[-1] <= len(NAMES)
+        assert processes > 1 or counts == [1, 2, 3, 4]
         assert all(is_built(name, cache=tmp_path / str(processes)) for name in NAMES)
     for name in NAMES:
         one, other = (ships.load(name, cache=tmp_path / folder) for folder in ("1", "3"))
