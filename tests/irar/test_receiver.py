@@ -17,24 +17,23 @@ COUNT = math.prod(SHAPE)
 RANGE = 3900.0
 
 
-def rays(distances, powers=None):
+def rays(distances):
     """Returns of 3,000 samples, each with rays at the same distances."""
     number = len(distances)
-    powers = np.full(number, 1 / number) if powers is None else powers
     return Returns(
         SHAPE,
         np.repeat(np.arange(COUNT), number),
         np.tile(np.arange(number), COUNT),
         np.tile(np.asarray(distances, float), COUNT),
-        np.tile(powers, COUNT),
+        np.full(number * COUNT, 1 / number),
         number,
     )
 
 
-def received(returns, *, seed=0, still=False, **changes):
+def received(returns, *, still=False, **changes):
     """Intensity and range of returns with speckle, or with amplitudes of 1."""
     flown = flight(**({"threshold": 0.0, "range_sigma": 0.0} | changes))
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     shape = (*returns.shape, returns.rays)
     drawn = np.ones(shape, np.complex64) if still else speckle(shape, correlation=0, rng=rng)
     nominal = np.full(returns.shape, RANGE)
