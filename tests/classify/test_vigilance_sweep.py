@@ -1,16 +1,12 @@
 """The network from cosines alone, against the network itself."""
 
-import tracemalloc
 import warnings
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from memory import peak_memory
 
 from ncti.classify import AdaptiveClusteringNetwork, Similarities, cluster, vigilance_sweep
-
-vectors = arrays(float, st.tuples(st.integers(1, 20), st.just(4)), elements=st.integers(-3, 3))
 
 
 @pytest.fixture(params=[vigilance_sweep.BLOCK, 12], ids="block of {}".format, autouse=True)
@@ -106,11 +102,12 @@ def test_tests_may_come_later(features):
 def test_memory_is_in_proportion_to_the_vectors():
     def peak(count):
         vectors = np.random.default_rng(1).normal(size=(count, 12))
-        tracemalloc.start()
-        clusters = cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2)
-        held = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return held, len(clusters.weights)
+        found = []
+
+        def form():
+            found.append(cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2))
+
+        return peak_memory(form), len(found[0].weights)
 
     (small, few), (large, many) = peak(500), peak(4_000)
     assert many < 8 * few  # categories, whose cosines to a block are held

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from memory import peak_memory
 from range_channel import (
     ASPECTS,
     BINS,
@@ -13,7 +14,6 @@ from range_channel import (
     few_learned,
     learned,
     made,
-    peak_memory,
 )
 from scipy.special import expit, logsumexp
 from scipy.stats import chi2, multivariate_normal, norm
