@@ -134,9 +134,6 @@ def test_a_step_follows_the_gradient_with_momentum():
         np.testing.assert_allclose(values(layers(network), i, name), expected, rtol=1e-13)
 
 
-# Growing ---------------------------------------------------------------------------------------
-
-
 # Annealing -------------------------------------------------------------------------------------
 
 
@@ -177,6 +174,3 @@ def test_what_cannot_be_meant_is_refused():
     }.items():
         with pytest.raises(ValueError, match=name):
             fit(X, y, **{name: value})
-
-
-# Answers ---------------------------------------------------------------------------------------
