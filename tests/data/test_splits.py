@@ -195,20 +195,3 @@ def test_the_card_is_valid(small, tmp_path):
     records = list(read.records(record_set="unknown"))
     assert [record["unknown/aspect"] for record in records] == split.unknown.aspect.values.tolist()
     np.testing.assert_allclose(records[0]["unknown/profile"], split.unknown.profile[0], rtol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"name": "aspect"}, "name.*'aspect'.*aspect-random"),
-        ({"seed": -1}, "seed.*-1"),
-        ({"ships": ["duncan", "roberts"]}, "ships.*roberts.*connole"),
-        ({"ships": ["duncan"]}, "ships.*duncan.*two"),
-        ({"ships": "duncan"}, "ships.*duncan.*two"),
-        ({"train": 0}, "train.*0"),
-    ],
-)
-def test_wrong_splits_are_refused(wrong, words):
-    good = {"name": "unknown-far", "seed": 0, "train": 8, "test": 2}
-    with pytest.raises(ValueError, match=words):
-        ncti.data.split(**(good | wrong))
