@@ -12,10 +12,8 @@ from ncti.render.view import View
 
 ship = cache(ncti.ships.load)
 
-LOW, HIGH = (-60.0, -7.0, -2.0), (70.0, 9.0, 12.0)
 
-
-def box(low=LOW, high=HIGH):
+def box(low, high):
     return trimesh.creation.box(bounds=[low, high])
 
 

@@ -1,5 +1,7 @@
 """Range images against closed forms, limits and an independent tracer."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import trimesh
@@ -18,19 +20,16 @@ every_engine = pytest.mark.parametrize("engine", ENGINES)
 LOW, HIGH = (-60.0, -7.0, -2.0), (70.0, 9.0, 12.0)
 
 
-def box(low=LOW, high=HIGH):
-    return trimesh.creation.box(bounds=[low, high])
+def box():
+    return trimesh.creation.box(bounds=[LOW, HIGH])
 
 
-def view_of(image):
-    return View(image.aspect, image.depression, image.roll, image.slant_range)
-
-
-def check_against_tracer(image, *, low=LOW, high=HIGH):
+def check_against_tracer(image):
     """Exact where both see the same side; another side, or none, on its very border only."""
-    view = view_of(image)
+    view = View(image.aspect, image.depression, image.roll, image.slant_range)
+    traced = partial(trace, view, low=LOW, high=HIGH)
     horizontal, vertical = image.cross_range()
-    expected, side = trace(view, horizontal, vertical, low=low, high=high)
+    expected, side = traced(horizontal, vertical)
     shared = image.hit & ~np.isnan(expected)
     # Rounding of float64, where the line of sight meets the side no flatter than 1e-3.
     same = np.abs(image.down_range - expected) < 1e-8
@@ -39,12 +38,9 @@ def check_against_tracer(image, *, low=LOW, high=HIGH):
     # border, so that a trace beside it sees something else.
     differs = (image.hit != ~np.isnan(expected)) | (shared & ~same)
     beside = [
-        trace(
-            view,
+        traced(
             horizontal[differs] + i * image.pixel / 128,
             vertical[differs] + j * image.pixel / 128,
-            low=low,
-            high=high,
         )
         for i in (-1, 1)
         for j in (-1, 1)
@@ -58,6 +54,7 @@ def check_against_tracer(image, *, low=LOW, high=HIGH):
     # From nearby the slope of a grazing face changes within a millimetre; from afar it does not,
     # and ranges are rounded by more.
     step = np.longdouble(np.clip(1e-8 * (view.slant_range or np.inf), 1e-5, 1e-3))
+    corner = np.where(view.axes[2] < 0, HIGH, LOW)  # of all sides that face the sensor
     for axis in range(3):
         on_side = inner & (side == axis)
         for index, (along, up) in enumerate([(cos, sin), (-sin, cos)]):
@@ -66,7 +63,7 @@ def check_against_tracer(image, *, low=LOW, high=HIGH):
                     view,
                     horizontal[on_side] + sign * step * along,
                     vertical[on_side] + sign * step * up,
-                    point=side_point(view, axis, low, high),
+                    point=corner,
                     normal=np.eye(3)[axis],
                 )
                 for sign in (1, -1)
@@ -74,11 +71,6 @@ def check_against_tracer(image, *, low=LOW, high=HIGH):
             slope = (ahead - behind) / (2 * step)
             computed = image.gradient[..., index][on_side]
             assert np.allclose(computed, slope.astype(float), rtol=1e-4, atol=1e-6)
-
-
-def side_point(view, axis, low, high):
-    """A point of the side normal to `axis` that faces the sensor."""
-    return np.where(-view.axes[2][axis] > 0, high, low)
 
 
 @every_engine
