@@ -30,18 +30,6 @@ def templates(seed: int = 0, count: int = 4):
     return means, floor, dense
 
 
-def dense_covariance(
-    signal, dense, *, mean_variance, frames, gain_sigma, floor_sigma, diagonal_loading
-):
-    """Of an average with every unknown integrated out, as one matrix."""
-    ones = np.ones(len(signal))
-    return (
-        (dense + diagonal_loading * mean_variance * np.eye(len(signal))) / frames
-        + gain_sigma**2 * np.outer(signal, signal)
-        + floor_sigma**2 * mean_variance * np.outer(ones, ones)
-    )
-
-
 @pytest.mark.parametrize("gain_sigma", [0.0, 3.0])
 @pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
 def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_sigma, floor_sigma):
@@ -91,25 +79,23 @@ def test_places_that_are_one_change_nothing_with_a_template_error():
 def test_log_likelihood_is_that_of_a_dense_gaussian(
     gain_sigma, floor_sigma, diagonal_loading, frames
 ):
-    """Two triangular solves with condition numbers below 1e5: 1e-10 of some hundred nats.
+    """Of an average with every unknown integrated out; posteriors are by Bayes's rule from it.
 
-    Posteriors are by Bayes's rule from them; two of the templates share a label.
+    Two triangular solves with condition numbers below 1e5: 1e-10 of some hundred nats.
     """
     means, floor, dense = templates()
     X = means.mean(axis=0) + np.random.default_rng(1).standard_normal((6, BINS))
-    parameters = {
-        "gain_sigma": gain_sigma,
-        "floor_sigma": floor_sigma,
-        "diagonal_loading": diagonal_loading,
-    }
-    classifier = GaussianTemplates(**parameters)
+    classifier = GaussianTemplates(
+        gain_sigma=gain_sigma, floor_sigma=floor_sigma, diagonal_loading=diagonal_loading
+    )
     classifier.fit(means, lower_band(dense)[:, :LAGS], LABELS, floor)
     logs = classifier.log_likelihood(X, frames)
-    parameters["mean_variance"] = np.mean(np.diagonal(dense, axis1=1, axis2=2))
+    mean_variance = np.mean(np.diagonal(dense, axis1=1, axis2=2))
     for t, mean in enumerate(means):
+        signal, frame = mean - floor, dense[t] + diagonal_loading * mean_variance * np.eye(BINS)
+        unknown = gain_sigma**2 * np.outer(signal, signal) + floor_sigma**2 * mean_variance
         for x, n, log in zip(X, np.broadcast_to(frames, len(X)), logs[:, t], strict=True):
-            matrix = dense_covariance(mean - floor, dense[t], frames=n, **parameters)
-            by_hand = stats.multivariate_normal(mean, matrix).logpdf(x)
+            by_hand = stats.multivariate_normal(mean, frame / n + unknown).logpdf(x)
             np.testing.assert_allclose(log, by_hand, rtol=1e-10)
     np.testing.assert_array_equal(classifier.posterior(X, frames), label_posterior(logs, LABELS)[1])
 

@@ -15,33 +15,6 @@ def block(request, monkeypatch):
     monkeypatch.setattr(vigilance_sweep, "BLOCK", request.param)
 
 
-def assert_same(training, tests, order, *, vigilance, learning_rate, max_passes):
-    network = AdaptiveClusteringNetwork(
-        vigilance=vigilance, learning_rate=learning_rate, max_passes=max_passes
-    )
-    classes = np.arange(len(training)) % 3
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        network.fit(training[order], classes[order])
-    similarities = Similarities.of(training, tests)
-    clusters = cluster(
-        similarities,
-        vigilance=vigilance,
-        learning_rate=learning_rate,
-        max_passes=max_passes,
-        order=order,
-    )
-    np.testing.assert_array_equal(clusters.labels[order], network.labels_)
-    assert (clusters.passes, clusters.converged) == (network.n_passes_, network.converged_)
-    np.testing.assert_array_equal(clusters.names(classes), network.category_labels_)
-    category, similarity = network.match(tests)
-    ours, cosine = clusters.match(similarities)
-    np.testing.assert_array_equal(ours, category)
-    # Each presentation rounds some ten numbers of order 1.
-    rounding = 1e-15 * len(training) * clusters.passes
-    np.testing.assert_allclose(cosine, similarity, atol=1e-14 + rounding)
-
-
 @pytest.mark.parametrize("vigilance", [0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0])
 @pytest.mark.parametrize("learning_rate", [0.01, 0.1, 0.5, 1.0])
 @pytest.mark.parametrize("max_passes", [1, 2, 50])
@@ -54,14 +27,27 @@ def test_it_is_the_network(vigilance, learning_rate, max_passes):
     training[[5, 40]] = 0.0
     tests = groups[rng.integers(0, 6, 50)] + 0.5 * rng.normal(size=(50, 30))
     tests[7] = 0.0
-    assert_same(
-        training,
-        tests,
-        rng.permutation(80),
-        vigilance=vigilance,
-        learning_rate=learning_rate,
-        max_passes=max_passes,
-    )
+    order = rng.permutation(80)
+    options = {
+        "vigilance": vigilance,
+        "learning_rate": learning_rate,
+        "max_passes": max_passes,
+    }
+    network, classes = AdaptiveClusteringNetwork(**options), np.arange(80) % 3
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        network.fit(training[order], classes[order])
+    similarities = Similarities.of(training, tests)
+    clusters = cluster(similarities, **options, order=order)
+    np.testing.assert_array_equal(clusters.labels[order], network.labels_)
+    assert (clusters.passes, clusters.converged) == (network.n_passes_, network.converged_)
+    np.testing.assert_array_equal(clusters.names(classes), network.category_labels_)
+    category, similarity = network.match(tests)
+    ours, cosine = clusters.match(similarities)
+    np.testing.assert_array_equal(ours, category)
+    # Each presentation rounds some ten numbers of order 1.
+    rounding = 1e-15 * len(training) * clusters.passes
+    np.testing.assert_allclose(cosine, similarity, atol=1e-14 + rounding)
 
 
 def test_a_vector_must_exceed_the_vigilance():
