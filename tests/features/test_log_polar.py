@@ -12,7 +12,6 @@ from skimage.transform import warp_polar
 
 import ncti.ships
 from ncti.features import cyclic_similarity, log_polar
-from ncti.features.log_polar import _unit_grid
 from ncti.features.map_vector import map_cells
 from ncti.render import range_image
 
@@ -110,39 +109,7 @@ def test_whole_pixels_of_shift_change_nothing(mask, down, right, interpolation):
     )
 
 
-# Closed forms
-
-
-def ellipse(pixel, *, finer=16, long=40.0, short=15.0, turn=0.4, centre=(0.0, 0.0)):
-    """Area coverage of an ellipse [m], from finer x finer points a pixel."""
-    side = np.arange(-48.0 + pixel / finer / 2, 48.0, pixel / finer)
-    inside = inside_ellipse(side - centre[0], side[:, None] - centre[1], long, short, turn)
-    count = round(96 / pixel)
-    return inside.reshape(count, finer, count, finer).mean(axis=(1, 3))
-
-
-def inside_ellipse(x, y, long, short, turn):
-    along, aside = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
-    return (along / long) ** 2 + (aside / short) ** 2 <= 1
-
-
-def test_error_falls_as_the_pixel():
-    # A sample is wrong only within about a pixel of the edge, and then by up to one: the mean
-    # error goes as the pixel, slope 1.
-    long, short, turn = 40.0, 15.0, 0.4
-    unit = np.sqrt(long * short)
-    across, down = _unit_grid(0.5, 3.0, 32, 64, 2)
-    exact = inside_ellipse(unit * across, unit * down, long, short, turn).mean(axis=0)
-    pixels = np.array([4.0, 2.0, 1.0, 0.5])
-    errors = []
-    for pixel in pixels:
-        # Mean over places in a pixel, or one lucky place would bend the slope.
-        places = pixel * np.array([[0.0, 0.0], [0.25, 0.6], [0.5, 0.3], [0.8, 0.9]])
-        maps = [log_polar(ellipse(pixel, centre=place)).ravel() for place in places]
-        errors.append(np.abs(np.array(maps) - exact).mean())
-    slope = np.polyfit(np.log(pixels), np.log(errors), 1)[0]
-    assert 0.9 < slope < 1.2
-    assert errors[-1] < 0.005
+# Samples
 
 
 @pytest.mark.parametrize("seed", range(3))
