@@ -12,7 +12,6 @@ from plates import plane
 import ncti.ships
 from ncti.ladar import RangeExtent, no_return, range_extent
 from ncti.ladar.pixels import bin_boxes
-from ncti.ladar.pulse import target_response
 from ncti.render import LineImage, line_image, range_image
 from studies.run_time.accuracy import extent_errors
 
@@ -174,9 +173,7 @@ def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(slant_range
         line_image(texas, spacing=0.125, slant_range=slant_range, **view), **binning
     )
     assert exact.far_field_error == 0
-    response = target_response(pulse_width=30e-9, bin_width=1.0) ** 2
-    p, q = (np.convolve(extent.fraction.sum(axis=0), response) for extent in (approximate, exact))
-    truth = np.abs(p - q).sum() / q.sum()
+    truth = extent_errors(approximate, exact, pulse_width=30e-9)["profile_error"]
     assert truth == pytest.approx(error, rel=0.05)
     assert truth < approximate.error_after(30e-9) < 2 * truth
     assert exact.error_after(30e-9) < truth / 2
@@ -192,12 +189,8 @@ def test_the_bound_of_a_far_field_view_holds_abeam(ship, aspect):
         range_extent(line_image(mesh, spacing=1 / 16, slant_range=drawn, **view), **binning)
         for drawn in (None, 4e3)
     )
-    p, q = approximate.fraction.sum(axis=0), exact.fraction.sum(axis=0)
-    assert (
-        approximate.far_field_error / 2
-        < np.abs(p - q).sum() / q.sum()
-        < approximate.far_field_error
-    )
+    truth = extent_errors(approximate, exact, pulse_width=30e-9)["extent_error"]
+    assert approximate.far_field_error / 2 < truth < approximate.far_field_error
     pixels = range_extent(range_image(mesh, pixel=0.25, engine="embree", **view), **binning)
     assert pixels.far_field_error == pytest.approx(approximate.far_field_error, rel=0.02)
 
