@@ -1,6 +1,5 @@
 """Simulations: statistics, labels, reproducibility, and what they refuse."""
 
-
 import numpy as np
 import pytest
 import trimesh
