@@ -17,6 +17,11 @@ def text_of(page):
     return page.read_text(encoding="utf-8")
 
 
+def prose_of(page):
+    """A page without its code blocks."""
+    return re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
+
+
 def fences(page, *languages):
     """Language and content of the code blocks in some languages, in order."""
     found = re.findall(r"^```(\w*)\n(.*?)^```", text_of(page), re.S | re.M)

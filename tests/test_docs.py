@@ -15,7 +15,7 @@ import pytest
 import trimesh
 import yaml
 from commands import FAST, prepared, ran
-from documentation import DOCS, PAGES, ROOT, blocks, commands, fences, text_of
+from documentation import DOCS, PAGES, ROOT, blocks, commands, fences, prose_of, text_of
 from once import sharing_ships
 
 import ncti.ships
@@ -189,8 +189,7 @@ def test_the_gallery_has_every_script_and_the_command_that_runs_it():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_names_on_the_page_exist(page):
-    prose = re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
-    for name in set(re.findall(r"`((?:ncti|sweeps)(?:\.\w+)+)`", prose)):
+    for name in set(re.findall(r"`((?:ncti|sweeps)(?:\.\w+)+)`", prose_of(page))):
         found, *rest = import_module(name.partition(".")[0]), *name.split(".")[1:]
         for part in rest:
             if not hasattr(found, part):
@@ -204,9 +203,8 @@ KEYS = {one.key for setting in EXPERIMENT.declared for one in (setting, *setting
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_settings_on_the_page_exist(page):
-    prose = re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
     own = set(re.findall(r'key="([a-z_.]+)"', text_of(page)))  # declared by code on the page
-    for key in set(re.findall(r"`([a-z_]+(?:\.[a-z_]+)+)(?:=[^`\s]*)?`", prose)):
+    for key in set(re.findall(r"`([a-z_]+(?:\.[a-z_]+)+)(?:=[^`\s]*)?`", prose_of(page))):
         if key.endswith(".py"):
             continue
         if key.partition(".")[0] in GROUPS and key.rpartition(".")[0] not in own:

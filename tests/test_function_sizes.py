@@ -4,8 +4,6 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("benchmarks", "docs", "ncti", "studies", "sweeps")
 MOST_PARAMETERS, MOST_LINES = 8, 60
@@ -65,20 +63,3 @@ def test_functions_have_few_parameters():
 
 def test_functions_are_short():
     assert {name for name, node in FOUND.items() if lines(node) > MOST_LINES} == LONG
-
-
-@pytest.mark.parametrize(
-    ("code", "expected"),
-    [
-        ("def f(a, /, b, *c, d=1, **e): ...", (3, 1)),
-        (
-            "class A:\n    def f(self, a):\n        '''Two\n        lines.'''\n        return a",
-            (1, 2),
-        ),
-        ("@stage(1)\n@other\nasync def f(\n    a,\n):\n    return 1", (1, 4)),
-    ],
-)
-def test_sizes_are_counted_without_self_and_docstrings(code, expected):
-    [(_, node)] = functions(ast.parse(code))
-    assert (parameters(node), lines(node)) == expected
-    assert is_stage(node) == code.startswith("@stage")

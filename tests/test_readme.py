@@ -4,7 +4,7 @@ import re
 import sys
 
 import pytest
-from documentation import PAGES, ROOT, blocks
+from documentation import PAGES, ROOT, blocks, prose_of, text_of
 
 from sweeps.report.command import main
 
@@ -22,18 +22,17 @@ def test_the_answer_shown_is_that_of_the_sweep(smoke_store, tmp_path, monkeypatc
 
 
 def test_it_is_one_page():
-    assert len(README.read_text(encoding="utf-8").split()) <= 700
+    assert len(text_of(README).split()) <= 700
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_every_picture_page_and_section_is_there(page):
-    prose = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
-    for link in re.findall(r"\]\(([^)h][^)]*)\)", prose):
+    for link in re.findall(r"\]\(([^)h][^)]*)\)", prose_of(page)):
         name, _, section = link.partition("#")
         found = (page.parent / name).resolve() if name else page
         assert found.exists(), link
         if section:
-            titles = re.findall(r"^#+ (.*)$", found.read_text(encoding="utf-8"), re.M)
+            titles = re.findall(r"^#+ (.*)$", text_of(found), re.M)
             assert section in [anchor(title) for title in titles], link
 
 

@@ -1,11 +1,10 @@
 """Comparisons in blocks of samples, against the plain computation that holds them all."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memory import peak_memory
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from ncti.classify import CorrelationNeighbour
@@ -105,12 +104,7 @@ def test_memory_of_matches_is_in_proportion_to_their_number(hidden):
         vectors = np.random.default_rng(1).standard_normal((count, 12))
         neighbour = CorrelationNeighbour().fit(vectors, np.arange(count) % 5)
         exclude = np.arange(count) % 3 == 0 if hidden else False
-        tracemalloc.start()
-        neighbour.match(vectors, exclude=exclude)
-        try:
-            return tracemalloc.get_traced_memory()[1]
-        finally:
-            tracemalloc.stop()
+        return peak_memory(lambda: neighbour.match(vectors, exclude=exclude))
 
     small, large = peak(2_000), peak(8_000)
     # Sixteen times as many cosines, half a gigabyte of them; a block's are four times as many.

@@ -1,9 +1,8 @@
 """The network from cosines alone, against the rule as the article prints it."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
+from memory import peak_memory
 from plain_network import plain_network
 
 from ncti.classify import Similarities, cluster, clustering
@@ -107,11 +106,12 @@ def test_tests_may_come_later(features):
 def test_memory_is_in_proportion_to_the_vectors():
     def peak(count):
         vectors = np.random.default_rng(1).normal(size=(count, 12))
-        tracemalloc.start()
-        clusters = cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2)
-        held = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return held, len(clusters.weights)
+        found = []
+
+        def form():
+            found.append(cluster(Similarities.of(vectors), vigilance=0.95, max_passes=2))
+
+        return peak_memory(form), len(found[0].weights)
 
     (small, few), (large, many) = peak(500), peak(4_000)
     assert many < 8 * few  # categories, whose cosines to a block are held

@@ -23,12 +23,12 @@ def test_it_is_a_scikit_learn_classifier(estimator, check):
     check(estimator)
 
 
-def bumps(rng, *, classes=4, each=10, features=60, noise=0.05):
-    """Vectors of `classes` kinds, each three bumps at places of its own."""
-    places = rng.uniform(0, features, (classes, 3))
-    shapes = np.exp(-0.5 * ((np.arange(features) - places[..., None]) / 3.0) ** 2).sum(axis=1)
-    y = np.repeat(np.arange(classes), each)
-    return shapes[y] + noise * rng.normal(size=(len(y), features)), y
+def bumps(rng):
+    """Ten vectors of each of four kinds, each three bumps at places of its own."""
+    places = rng.uniform(0, 60, (4, 3))
+    shapes = np.exp(-0.5 * ((np.arange(60) - places[..., None]) / 3.0) ** 2).sum(axis=1)
+    y = np.repeat(np.arange(4), 10)
+    return shapes[y] + 0.05 * rng.normal(size=(len(y), 60)), y
 
 
 def fit(X, y, **parameters) -> GainAnnealedNetwork:
@@ -37,19 +37,17 @@ def fit(X, y, **parameters) -> GainAnnealedNetwork:
         return GainAnnealedNetwork(**{"random_state": 0} | parameters).fit(X, y)
 
 
-def random_network(rng, *, features=5, hidden=4, classes=3) -> Network:
+def random_case(rng) -> tuple[Network, np.ndarray, np.ndarray]:
+    """A network of four hidden nodes, seven vectors and their targets of three classes."""
+
     def layer(nodes, inputs):
         return Layer(
             rng.normal(size=(nodes, inputs)), rng.normal(size=nodes), rng.uniform(0.5, 2.0, nodes)
         )
 
-    return Network(layer(hidden, features), layer(classes, hidden))
-
-
-def random_task(rng, *, samples=7, features=5, classes=3):
-    X = rng.normal(size=(samples, features))
-    targets = np.where(rng.integers(0, classes, samples)[:, None] == np.arange(classes), 1.0, -1.0)
-    return X, targets
+    network, X = Network(layer(4, 5), layer(3, 4)), rng.normal(size=(7, 5))
+    targets = np.where(rng.integers(0, 3, 7)[:, None] == np.arange(3), 1.0, -1.0)
+    return network, X, targets
 
 
 def values(pair: list[Layer] | tuple[Layer, Layer], i: int, name: str):
@@ -90,7 +88,7 @@ def test_the_gradient_is_that_of_the_loss(seed, level):
     hundreds at the largest level, leaves 1e-8 and the rounding 1e-10.
     """
     rng = np.random.default_rng(seed)
-    network, (X, targets) = random_network(rng), random_task(rng)
+    network, X, targets = random_case(rng)
     _, gradient = network.loss_and_gradient(X, targets, level)
     h, outputs = 1e-5, targets.shape[1]
     for i, name in PARAMETERS:
@@ -122,7 +120,7 @@ def test_the_loss_is_the_mean_square_error():
 
 def test_a_step_follows_the_gradient_with_momentum():
     rng = np.random.default_rng(2)
-    network, (X, targets) = random_network(rng), random_task(rng)
+    network, X, targets = random_case(rng)
     start = deepcopy(layers(network))
     slopes = []
     for _ in range(2):
@@ -132,9 +130,6 @@ def test_a_step_follows_the_gradient_with_momentum():
         first, second = (values(slope, i, name) for slope in slopes)
         expected = values(start, i, name) - 0.01 * ((1 + MOMENTUM) * first + second)
         np.testing.assert_allclose(values(layers(network), i, name), expected, rtol=1e-13)
-
-
-# Growing ---------------------------------------------------------------------------------------
 
 
 # Annealing -------------------------------------------------------------------------------------
@@ -177,6 +172,3 @@ def test_what_cannot_be_meant_is_refused():
     }.items():
         with pytest.raises(ValueError, match=name):
             fit(X, y, **{name: value})
-
-
-# Answers ---------------------------------------------------------------------------------------

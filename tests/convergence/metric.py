@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.ladar import RangeExtent, range_extent
-from ncti.render import range_image
-from ncti.render.view import ROLL
+from ncti.ladar import RangeExtent
 
 Floats = NDArray[np.float64]
 
@@ -27,22 +24,6 @@ MEDIAN, WORST = 0.003, 0.015  # accuracy asked of 0.25 m pixels after the 30 ns 
 SLOPE = 1.25
 
 FAR = 1e12  # [m]: wavefronts are flat to 1e-8 m
-
-
-def far_extent(
-    mesh: trimesh.Trimesh,
-    *,
-    aspect: float,
-    depression: float = DEPRESSION,
-    pixel: float = 0.25,
-    roll: float = ROLL,
-    spread: float = 0.5,
-) -> RangeExtent:
-    """Range extent from so far away that the view is orthographic."""
-    image = range_image(
-        mesh, aspect=aspect, depression=depression, pixel=pixel, roll=roll, engine="auto"
-    )
-    return range_extent(image, slant_range=FAR, ifov=SIDE / FAR, spread=spread)
 
 
 def areas(extent: RangeExtent) -> Floats:

@@ -15,7 +15,7 @@ from scipy.stats import binom
 import ncti.ships
 from ncti.ladar import Beam, extent_within, lines_within, range_extent
 from ncti.ladar.pulse import target_response
-from ncti.render import View, line_image
+from ncti.render import View, line_image, range_image
 from studies.run_time.reference import reference_range_extent
 
 # Bow to beam at the article's altitude; the stern of its missions, and a view from near by.
@@ -52,14 +52,20 @@ def truth(name, aspect, depression):
 
 
 @cache
-def rendered(name, aspect, depression, **rendering):
-    return metric.far_extent(ship(name), aspect=aspect, depression=depression, **rendering)
+def rendered(name, aspect, depression, pixel=0.25):
+    view = {"aspect": aspect, "depression": depression}
+    return far_extent(range_image(ship(name), **view, pixel=pixel, engine="auto"))
 
 
 @cache
 def lined(name, aspect, depression, spacing=0.25):
-    image = line_image(ship(name), aspect=aspect, depression=depression, spacing=spacing)
-    return range_extent(image, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR)
+    view = {"aspect": aspect, "depression": depression}
+    return far_extent(line_image(ship(name), **view, spacing=spacing))
+
+
+def far_extent(image, **options):
+    """Range extent from so far away that the view is orthographic."""
+    return range_extent(image, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR, **options)
 
 
 def ship_errors(views, pulse_width, *, extent=rendered, **rendering):
@@ -177,9 +183,7 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
         bins = int(rng.choice([1, 2]))
         options = {"pulse_width": pulse_width, "bin_width": float(bins)}
         lines = lines_within(ship(name), View(aspect, depression), tolerance=tolerance, **options)
-        extent = range_extent(
-            lines, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR, bin_width=float(bins)
-        )
+        extent = far_extent(lines, bin_width=float(bins))
         exact = truth(name, aspect, depression).area.sum(axis=0).reshape(-1, bins).sum(axis=1)
         p, q = metric.areas(extent).sum(axis=0), exact
         if pulse_width:

@@ -20,18 +20,12 @@ EDGES = np.arange(-100.0, 101.0)
 GRID_AREA = 1e-8 * 100.0 * 2.0
 
 
-def sheet(
-    corners: list[tuple[float, float, float]], *, aspect: float, depression: float
-) -> trimesh.Trimesh:
-    """A convex polygon of (right, up, away) coordinates, seen counter-clockwise."""
-    vertices = np.array(corners) @ closed_forms.axes_of(aspect, depression)
-    fan = [(0, k, k + 1) for k in range(1, len(corners) - 1)]
-    return trimesh.Trimesh(vertices, fan, process=False)
-
-
 def rectangle(left, right, bottom, top, away, slope=(0.0, 0.0), **view) -> trimesh.Trimesh:
+    """A plate by its coordinates to the right and up, seen counter-clockwise."""
     corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
-    return sheet([(h, v, away + slope[0] * h + slope[1] * v) for h, v in corners], **view)
+    places = np.array([(h, v, away + slope[0] * h + slope[1] * v) for h, v in corners])
+    axes = closed_forms.axes_of(**view)
+    return trimesh.Trimesh(places @ axes, [(0, 1, 2), (0, 2, 3)], process=False)
 
 
 VIEW = {"aspect": 33.0, "depression": 12.0}

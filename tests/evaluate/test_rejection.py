@@ -1,10 +1,9 @@
 """Ships absent from training: what a test vigilance rejects, counted by hand."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 import xarray as xr
+from memory import peak_memory
 from sklearn.metrics import roc_auc_score
 
 from ncti.evaluate import rejection, replicated_accuracy, tabulate_rejection, wilson_interval
@@ -148,11 +147,7 @@ def test_levels_some_at_a_time_are_as_all_together(draws, monkeypatch):
 def test_memory_of_rejections_does_not_grow_with_their_levels():
     def peak(levels):
         classified, learned = many(2_000)
-        tracemalloc.start()
-        tabulate(classified, learned, np.linspace(0, 1, levels))
-        held = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return held
+        return peak_memory(lambda: tabulate(classified, learned, np.linspace(0, 1, levels)))
 
     peak(2)  # imports
     assert peak(400) < 1.5 * peak(100)  # of 12,000 answers, more than are taken at one time

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binomtest
+from scipy.stats import binomtest, norm
 from sklearn.metrics import roc_auc_score
 from sklearn.neighbors import KNeighborsClassifier
 
@@ -128,18 +128,12 @@ def test_a_comparison_of_independent_rows_is_mcnemars():
     outcome = compare(first, second, np.arange(500), rng=rng())
     b, c = outcome.first_only, outcome.second_only
     # Chi-squared of one degree of freedom is the square of a normal variate.
-    assert outcome.p_value == pytest.approx(binomial_normal_tail(b, c))
+    assert outcome.p_value == pytest.approx(2 * norm.sf(abs(b - c) / np.sqrt(b + c)))
     spread = np.sqrt(b + c - (b - c) ** 2 / 500) / 500
     assert outcome.ci_high - outcome.ci_low == pytest.approx(2 * 1.96 * spread, rel=0.1)
     opposite = compare(second, first, np.arange(500), rng=rng())
     assert opposite.difference == -outcome.difference
     assert opposite.p_value == outcome.p_value
-
-
-def binomial_normal_tail(b, c):
-    from scipy.stats import norm
-
-    return 2 * norm.sf(abs(b - c) / np.sqrt(b + c))
 
 
 def test_equal_classifiers_are_told_apart_as_often_as_the_level_says():
@@ -177,17 +171,11 @@ def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"predicted": ["texas", "roberts"]}, ("predicted", "roberts", "classes")),
         ({"predicted": [[0.5, 0.5]] * 2, "classes": None}, ("classes", "None")),
-        ({"predicted": [[0.5, 0.5, 0.0]] * 2}, ("predicted", "(2, 3)", "(2, 2)")),
-        ({"y": ["horne", "horne"]}, ("y", "horne", "classes")),
         ({"y": ["texas", "horne"]}, ("similarity", "None")),
-        ({"groups": [1]}, ("groups", "(1,)", "(2,)")),
-        ({"aspect": [1.0]}, ("aspect", "(1,)", "(2,)")),
-        ({"aspect": [1.0, 400.0]}, ("aspect", "400", "360")),
     ],
 )
-def test_wrong_rows_are_refused(wrong, words):
+def test_arguments_that_others_need_are_asked_for(wrong, words):
     good = {"y": ["texas", "duncan"], "predicted": ["texas", "texas"], "aspect": [0.0, 1.0]}
     good |= {"groups": [0, 1], "classes": ["texas", "duncan"]}
     with pytest.raises(ValueError, match=".*".join(map(re.escape, words))):

@@ -145,6 +145,9 @@ def test_error_falls_as_the_pixel():
     assert errors[-1] < 0.005
 
 
+# Samples
+
+
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     ("interpolation", "order", "oversample"),

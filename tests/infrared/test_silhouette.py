@@ -91,8 +91,8 @@ def test_cells_make_up_their_pixels(seed, phase, cells, window):
 @pytest.mark.parametrize("subdivision", [1, 2])
 def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
     """Against polygons clipped at the borders of pixels: rms 0.1 % of a pixel by 0.25 m lines."""
-    hull, view = ncti.ships.load("connole"), View(31.0, 3.84)
-    corners = (np.asarray(hull.vertices) @ view_axes(view).T)[np.asarray(hull.faces)]
+    hull, axes = ncti.ships.load("connole"), View(31.0, 3.84, roll=0.0).axes
+    corners = (np.asarray(hull.vertices) @ axes.T)[np.asarray(hull.faces)]
     along, across = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     facing = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0] > 0
     outline = CrossSection(list(corners[facing][..., :2]), FillRule.Positive)
@@ -114,8 +114,3 @@ def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
     # an outline's part in a pixel meets side / 0.25 lines: errors fall with their 3/2 power
     assert np.sqrt(np.mean(error**2)) < 0.001 * (3.75 / side) ** 1.5
     assert image.coverage.sum() * side**2 == pytest.approx(lines.area.sum(), rel=1e-12)
-
-
-def view_axes(view):
-    """Unit vectors right, up and away, not rolled."""
-    return View(view.aspect, view.depression, roll=0.0).axes

@@ -33,13 +33,12 @@ def expected_square_error(fine, coarse, way, *, warmth, noise):
     return np.mean(blur.astype(float) ** 2) + variance / warmth**2
 
 
-@pytest.fixture(scope="module")
-def measured():
-    """(range and frame count, way) errors over four ships, three aspects, two phases.
+def test_table_of_errors():
+    """As `shift_and_add` has it: km, frames, none, perfect, shift-and-add, a quarter of frames.
 
-    The last column is shift-and-add with a quarter of the frames.
+    Means over four ships, three aspects and two phases.
     """
-    rows = []
+    errors = []
     for slant_range in (25e3, 50e3, 100e3):
         warmth = infrared.contrast(slant_range)
         views = [
@@ -50,7 +49,7 @@ def measured():
         ]
         for frame_count in (4, 16, 64):
             cells = [(way, frame_count) for way in WAYS] + [("shifted", frame_count // 4)]
-            rows.append(
+            errors.append(
                 [
                     np.mean(
                         [
@@ -64,16 +63,11 @@ def measured():
                     for way, frames in cells
                 ]
             )
-    return np.array(rows)
-
-
-def test_table_of_errors(measured):
-    """As `shift_and_add` has it: km, frames, none, perfect, shift-and-add, a quarter of frames."""
     rows = re.findall(r"^ +\d+ +\d+ +0.*$", super_resolution.shift_and_add.__doc__, re.M)
     printed = np.array([row.split() for row in rows], dtype=float)
     assert printed.shape == (9, 6)
     # Half a unit of the last digit.
-    np.testing.assert_allclose(measured, printed[:, 2:], rtol=0, atol=0.0005)
+    np.testing.assert_allclose(errors, printed[:, 2:], rtol=0, atol=0.0005)
 
 
 @pytest.mark.parametrize("way", WAYS)

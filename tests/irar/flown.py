@@ -16,10 +16,10 @@ def flight(aspect=175.0, offset=5.0, slant_range=3900.0, **changes):
     return Flight(slant_range=slant_range, ship_heading=heading, offset=offset, **changes)
 
 
-def pole_on_box(length=120.0, beam=14.0, height=6.0, pole=30.0, width=1.6):
+def pole_on_box(length, beam, height, pole):
     """A hull with a slender upright pole on its middle, standing on the waterline."""
     hull = trimesh.creation.box((length, beam, height)).apply_translation((0, 0, height / 2))
-    mast = trimesh.creation.box((width, width, pole)).apply_translation((0, 0, height + pole / 2))
+    mast = trimesh.creation.box((1.6, 1.6, pole)).apply_translation((0, 0, height + pole / 2))
     return trimesh.util.concatenate([hull, mast])
 
 

@@ -22,26 +22,18 @@ def with_sea(passed, **sea):
 APART = np.array([0.0, 3.0, 6.0, 12.0, 24.0, 60.0])
 
 
-def field(places, rng):
-    return clutter(places, deviation=DEVIATION, length=LENGTH, rng=rng)
-
-
-@pytest.fixture(scope="module")
-def draws():
-    """(draw, line, place): along x, and slantwise far from there."""
-    rng = np.random.default_rng(6)
-    lines = [(APART, 0 * APART), (100.0 + 0.6 * APART, 0.8 * APART)]
-    places = np.moveaxis(np.array(lines), 1, -1)
-    return np.array([field(places, rng) for _ in range(DRAWS)])
-
-
-def test_clutter_has_its_deviation_and_its_correlation(draws):
+def test_clutter_has_its_deviation_and_its_correlation():
     """2,000 draws at six distances, along and across: each within 4.5 standard errors.
 
     The product of two normals of correlation r scatters by sqrt(1 + r^2); 24 comparisons, of which
     one is beyond 4.5 with a probability of 2e-4.
     """
-    scaled = draws / DEVIATION
+    rng = np.random.default_rng(6)
+    # Along x, and slantwise far from there.
+    lines = [(APART, 0 * APART), (100.0 + 0.6 * APART, 0.8 * APART)]
+    places = np.moveaxis(np.array(lines), 1, -1)
+    sea = {"deviation": DEVIATION, "length": LENGTH}
+    scaled = np.array([clutter(places, **sea, rng=rng) for _ in range(DRAWS)]) / DEVIATION
     assert np.abs(scaled.mean(axis=0)).max() < 4.5 / math.sqrt(DRAWS)
     expected = np.exp(-((APART / LENGTH) ** 2))
     for line in np.moveaxis(scaled, 1, 0):

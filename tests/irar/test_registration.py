@@ -40,8 +40,8 @@ def level(flown):
     return ABEAM[:, None] * right
 
 
-def registered(flown, points, *, mirror="exact", azimuth="pixel", height="pixel", motion="pixel"):
-    """Rows, columns and ranges that the steps give to points where endless lines meet them.
+def registered(flown, points, *, mirror="exact", azimuth="pixel"):
+    """Rows and columns that the steps give to points where endless lines meet them.
 
     Between samples the steps are interpolated: they are smooth.
     """
@@ -60,20 +60,16 @@ def registered(flown, points, *, mirror="exact", azimuth="pixel", height="pixel"
     if mirror != "none":
         up, right = registration.mirror_displacement(flown, numbers, form=mirror)
         row, column = row + up, column + right
-    move = {
-        m: registration.motion_displacement(flown, times, ranges, method=m)
-        for m in {height, azimuth, motion} - {"none"}
-    }
-    row = row + move[height][0]
-    column = column + (move[azimuth][1] if azimuth != "none" else 0)
-    ranges = ranges + (move[motion][2] if motion != "none" else 0)
+    row = row + registration.motion_displacement(flown, times, ranges)[0]
+    if azimuth != "none":
+        column = column + registration.motion_displacement(flown, times, ranges, method=azimuth)[1]
 
     def at(image):
         return np.array(
             [np.interp(s, numbers, line) for s, line in zip(sample, image, strict=True)]
         )
 
-    return at(row), at(column), at(ranges)
+    return at(row), at(column)
 
 
 def true_places(flown, points):
@@ -176,7 +172,7 @@ def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
     mast = np.stack([45.0 + 0 * HEIGHTS, 0 * HEIGHTS, HEIGHTS], axis=-1)
     upright = tilt(*true_places(flown, mast)[:2], upright=True)
     leans = {
-        method: tilt(*registered(flown, mast, azimuth=method)[:2], upright=True) - upright
+        method: tilt(*registered(flown, mast, azimuth=method), upright=True) - upright
         for method in ("none", "constant", "line", "pixel")
     }
     drift = math.degrees(math.atan(flown.drift / flown.climb))
@@ -218,9 +214,7 @@ def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror
     water = level(flown)
     for step, slopes in expected.items():
         for points, upright, slope in zip((POLE, water), (True, False), slopes, strict=True):
-            row, column, _ = registered(
-                flown, points, mirror="none" if step == "rotation" else step
-            )
+            row, column = registered(flown, points, mirror="none" if step == "rotation" else step)
             if step == "rotation":
                 row, column = registration.rotate(row, column, clockwise=-math.degrees(lean))
             leaning = tilt(row, column, upright=upright)

@@ -48,51 +48,6 @@ def test_samples_skipped_are_of_the_sea(aspect, jitter):
     np.testing.assert_array_equal(scene.power, np.full(len(hits.ray), 1 / RAYS**2))
 
 
-def test_distances_are_those_of_a_box_where_it_then_is():
-    """Rays cut by slabs, from where the aircraft is at each sample's own time; to 1e-9 m."""
-    plan = plan_scan(BOX, flight(140.0))
-    scene = scan_scene(BOX, plan)
-    _, origin, way = every_ray(BOX, plan)
-    index = scene.place * RAYS**2 + scene.ray
-    low, high = BOX.bounds
-    with np.errstate(divide="ignore"):
-        cuts = np.stack([(side - origin[index]) / way[index] for side in (low, high)])
-    enter, leave = cuts.min(axis=0).max(axis=1), cuts.max(axis=0).min(axis=1)
-    inside = leave - enter > 1e-2
-    assert inside.mean() > 0.99 and len(index) > 10_000
-    np.testing.assert_allclose(scene.distance[inside], enter[inside], rtol=0, atol=1e-9)
-
-
-def test_each_line_sees_the_ship_where_it_then_is():
-    """A pole that drifts: its column line by line, by dead reckoning in extended precision.
-
-    A third of a pixel is what rays resolve. Seen from where the aircraft is at time 0 the pole
-    would stand still, 20 pixels off in the end.
-    """
-    mesh = pole_on_box(60, 9, 5, 30)
-    plan = plan_scan(mesh, flight(175.0))
-    flown = plan.flight
-    coverage = scan_scene(mesh, plan).coverage()
-    times = plan.time(np.arange(flown.samples))
-    drifted = []
-    for line in np.arange(plan.lines):
-        # The height at which the line crosses the pole's middle.
-        heights = np.linspace(11.0, 34.0, 400)
-        points = np.stack([0 * heights, 0 * heights, heights], axis=-1)
-        middle = scanned_at(flown, points, times[line].mean())
-        if not middle[-1, 1] > 0 > middle[0, 1]:
-            continue
-        along = float(np.interp(0.0, middle[:, 1].astype(float), middle[:, 0].astype(float)))
-        column = along / flown.ifov + (flown.samples - 1) / 2
-        covered = coverage[line]
-        assert covered.sum() > 1
-        centre = (covered * np.arange(flown.samples)).sum() / covered.sum()
-        assert centre == pytest.approx(column, abs=0.34)
-        drifted.append(column)
-    assert len(drifted) > 200
-    assert abs(drifted[-1] - drifted[0]) > 10
-
-
 @settings(deadline=None, max_examples=40)
 @given(
     aspect=st.floats(0, 360),

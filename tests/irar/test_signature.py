@@ -10,14 +10,14 @@ from ncti.ladar import expected_profile, range_extent
 from ncti.render import range_image
 
 
-def plate(flown, *, rows, columns, distance, intensity, bottom=0, left=0, spacing=1.0):
+def plate(flown, *, rows, columns, distance, intensity, spacing):
     """A snapshot in which every pixel sees the same."""
-    row = bottom + np.arange(round(rows / spacing)) * spacing
+    row = np.arange(round(rows / spacing)) * spacing
     shape = len(row), columns
     return Snapshot(
-        Window(bottom, left, rows, columns),
+        Window(0, 0, rows, columns),
         row,
-        left + np.arange(columns, dtype=float),
+        np.arange(columns, dtype=float),
         np.full(shape, float(intensity)),
         np.full(shape, flown.slant_range + distance),
         np.zeros(shape),

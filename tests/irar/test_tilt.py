@@ -45,12 +45,12 @@ def averaged(cells, factor=CELLS):
     return cells.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
 
 
-def sheared(cells, mast, waterline, up=0.0, right=0.0):
+def sheared(cells, mast, waterline):
     """Pixels of the leaning ship, gathered: where each comes from in the truth, and its mean."""
     m, w = math.tan(math.radians(mast)), math.tan(math.radians(waterline))
     inverse = np.linalg.inv([[1.0, w], [m, 1.0]])
     middle = (np.array(cells.shape) - 1) / 2
-    offset = middle - inverse @ (middle + CELLS * np.array([up, right]))
+    offset = middle - inverse @ middle
     return averaged(ndimage.affine_transform(cells, inverse, offset=offset, order=1))
 
 

@@ -26,7 +26,3 @@ def plane(*, width, height, slope=(0.0, 0.0), offset=0.0, pixel=0.25, roll=ROLL,
     along = np.array([slope[0] * cos + slope[1] * sin, -slope[0] * sin + slope[1] * cos])
     gradient = np.where(inside[..., None], along, np.nan).astype(np.float32)
     return RangeImage(r, gradient, pixel, blank.origin, 0.0, 0.0, roll, slant_range)
-
-
-def hit_area(image):
-    return image.hit.sum() * image.pixel**2

@@ -29,13 +29,13 @@ def extent(*, bins, ifovs, bin_width=1.0):
     return ladar.RangeExtent(fraction, down_range, bin_width, cell, 150e-6, 1e5)
 
 
-def drawn(target, count, *, rng=None, target_free_ifovs=0, receiver="full_profile"):
+def drawn(target, count, *, target_free_ifovs=0, receiver="full_profile"):
     return ladar.sample_frames(
         target,
         pulse_width=30e-9,
         cnr=1e3,
         frame_count=count,
-        rng=np.random.default_rng(11) if rng is None else rng,
+        rng=np.random.default_rng(11),
         target_free_ifovs=target_free_ifovs,
         receiver=receiver,
     )
@@ -67,9 +67,8 @@ def test_blocks_are_the_frames(count, target_free_ifovs):
     np.testing.assert_array_equal(np.concatenate(blocks), frames)
 
 
-def blocks_of(count, *, bins=32, rng=None):
-    target = extent(bins=bins, ifovs=1)
-    rng = np.random.default_rng(2) if rng is None else rng
+def blocks_of(count, *, bins=32):
+    target, rng = extent(bins=bins, ifovs=1), np.random.default_rng(2)
     return ladar.frame_blocks(target, pulse_width=30e-9, cnr=1e3, frame_count=count, rng=rng)
 
 

@@ -5,7 +5,13 @@ import pytest
 from plates import plane
 from scipy import special
 
-from ncti.ladar import RangeExtent, banded_frame_moments, frame_moments, range_extent
+from ncti.ladar import (
+    RangeExtent,
+    banded_frame_moments,
+    expected_profile,
+    frame_moments,
+    range_extent,
+)
 from ncti.ladar.moments import NEGLIGIBLE, frame_variance, magnitude_covariance
 from ncti.ladar.pulse import noise_covariance, target_kernel
 
@@ -51,16 +57,20 @@ def plain_moments(extent, *, pulse_width, cnr, target_free_ifovs=0):
 @pytest.mark.parametrize("pulse_width", PULSES)
 @pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
 def test_the_band_leaves_out_nothing_that_counts(name, pulse_width, cnr, target_free_ifovs):
-    """Mean to rounding; covariance within NEGLIGIBLE of the noise an IFOV, and rounding.
+    """Mean to rounding, as Equation C has it; variance alone, as a summand of the covariance.
 
-    The rounding is that of sums of up to 4,000 terms in another order, and of the kernel's
-    product over the window: some hundred units in the last place of the largest variance.
+    The covariance is within NEGLIGIBLE of the noise an IFOV, and rounding. That is of sums of up
+    to 4,000 terms in another order, and of the kernel's product over the window: some hundred
+    units in the last place of the largest variance.
     """
     extent = view(name)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": target_free_ifovs}
     mean, covariance = frame_moments(extent, **parameters)
     plain_mean, plain = plain_moments(extent, **parameters)
     np.testing.assert_allclose(mean, plain_mean, rtol=1e-13)
+    np.testing.assert_allclose(expected_profile(extent, **parameters), plain_mean, rtol=1e-13)
+    variance = frame_variance(extent, **parameters)
+    np.testing.assert_allclose(variance, np.diagonal(covariance), rtol=1e-13)
     noise = (2 - np.pi / 2) * np.sqrt(np.pi / 8)
     ifovs = len(extent.cell) + target_free_ifovs
     tolerance = ifovs * NEGLIGIBLE * noise + 200 * np.finfo(float).eps * plain.max()
@@ -93,13 +103,3 @@ def test_covariance_of_two_magnitudes_is_its_power_series(correlation):
     short = 4 * (5 / 128) ** 2 * correlation**6 if correlation**2 < 0.01 else 0.0
     rounding = 20 * np.finfo(float).eps / min(series, 1.0) if correlation**2 >= 0.01 else 1e-14
     assert covariance == pytest.approx(series, rel=1.1 * short + rounding)
-
-
-@pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
-def test_the_variance_alone_is_the_zero_lag(name):
-    """To rounding, of sums over a hundred bins."""
-    signal = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": 7}
-    variance = frame_variance(view(name), **signal)
-    np.testing.assert_allclose(
-        variance, banded_frame_moments(view(name), **signal)[1][0], rtol=1e-13
-    )

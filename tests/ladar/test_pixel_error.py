@@ -8,9 +8,9 @@ import trimesh
 
 import ncti.ships
 from ncti.ladar import RangeExtent, range_extent
-from ncti.ladar.pulse import target_response
 from ncti.ladar.sampling import pixel_error
 from ncti.render import RangeImage, line_image, range_image
+from studies.run_time.accuracy import extent_errors
 
 VIEWS = [
     ("duncan", 37.0, 3.84, 100e3),
@@ -20,21 +20,13 @@ VIEWS = [
     ("roberts", 305.0, 1.0, 12e3),
     ("connole", 8.0, 60.0, 60e3),
 ]
-PULSES = (0.0, 30e-9)
+PULSE = 30e-9
 WIDE = 1e3
 """Side of an IFOV that holds the ship [m]."""
 
 
 def extent(image, slant_range, **options):
     return range_extent(image, slant_range=slant_range, ifov=WIDE / slant_range, **options)
-
-
-def after(binned, pulse_width):
-    """The summed extent, blurred by the pulse."""
-    profile = binned.fraction.sum(axis=0)
-    if pulse_width == 0:
-        return profile
-    return np.convolve(profile, target_response(pulse_width=pulse_width, bin_width=1.0) ** 2)
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +56,9 @@ def test_the_bound_covers_the_error_and_is_not_much_larger(seen, spread, reflect
         exact = extent(lines, slant_range, reflectance=reflectance)
         for image in images:
             pixelated = extent(image, slant_range, spread=spread, reflectance=reflectance)
-            for pulse_width in PULSES:
-                p, q = after(pixelated, pulse_width), after(exact, pulse_width)
-                truth = np.abs(p - q).sum() / q.sum()
-                ratios.append(pixelated.error_after(pulse_width) / truth)
+            errors = extent_errors(pixelated, exact, pulse_width=PULSE)
+            ratios.append(pixelated.error_after(0.0) / errors["extent_error"])
+            ratios.append(pixelated.error_after(PULSE) / errors["profile_error"])
     assert np.sum(np.array(ratios) < 1) <= 3
     assert 1.3 < np.median(ratios) < 2.5
 

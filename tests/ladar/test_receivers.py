@@ -13,10 +13,6 @@ from ncti.ladar.receivers import detect
 CNR = 10**3.2
 
 
-def one_ifov(extent):
-    return replace(extent, fraction=extent.fraction[:1], cell=extent.cell[:1])
-
-
 def test_each_receiver_keeps_what_its_name_says():
     waveform = np.array([[0.5, 9.0, 2.0, 30.0, 1.0], [0.1, 0.2, 0.3, 0.2, 0.1]])
     detected = {name: detect(waveform, receiver=name) for name in ("first_pulse", "peak_pulse")}
@@ -27,7 +23,8 @@ def test_each_receiver_keeps_what_its_name_says():
 
 def test_false_alarm_rate_of_the_first_pulse_threshold():
     """Noise of one IFOV in one bin: a binomial test of 1 % over 60,000 frames at 1e-3."""
-    extent = one_ifov(range_extent(plane(width=4, height=4), slant_range=1e5, window=40.0))
+    extent = range_extent(plane(width=4, height=4), slant_range=1e5, window=40.0)
+    extent = replace(extent, fraction=extent.fraction[:1], cell=extent.cell[:1])
     frames = sample_frames(
         extent, pulse_width=10e-9, cnr=0.0, frame_count=60_000, rng=np.random.default_rng(3)
     )

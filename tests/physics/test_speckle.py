@@ -10,7 +10,6 @@ from ncti.ladar import RangeExtent, noise_floor, sample_frames
 from ncti.ladar.frames import _floor_filter
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import (
-    low_rank_factor,
     mirrored_factors,
     noise_by_lag,
     noise_covariance,
@@ -67,19 +66,6 @@ def test_magnitude_covariance_has_its_limits():
     np.testing.assert_allclose(np.diagonal(covariance), rayleigh * np.diagonal(field))
     assert covariance[0, 1] == 0
     assert covariance[0, 2] == pytest.approx(2 * rayleigh)
-
-
-@pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
-def test_band_limit_loses_nothing(pulse_width):
-    """The low-rank noise against the whole covariance, and the rank it saves."""
-    covariance = noise_covariance(pulse_width=pulse_width, bin_width=1.0, bin_count=250)
-    factor = low_rank_factor(covariance, tolerance=1e-6).astype(float)
-    # What is dropped: at most 250 eigenvalues of 1e-6 of the largest; the rest is float32.
-    largest = np.linalg.eigvalsh(covariance)[-1]
-    assert np.abs(factor.T @ factor - covariance).max() < 1e-6 * largest + 1e-6
-    n_t = 299_792_458.0 * pulse_width / 2
-    predicted = 500 * math.sqrt(2 * math.log(1e6)) / (math.pi * n_t)
-    assert len(factor) == pytest.approx(min(250, predicted), rel=0.05)
 
 
 @pytest.mark.parametrize("nanoseconds", [10, 20, 30, 40, 50, 90, 300])

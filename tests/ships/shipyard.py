@@ -30,6 +30,10 @@ def solid_of(mesh: trimesh.Trimesh) -> Manifold:
     return Manifold(Mesh64(np.array(mesh.vertices), np.array(mesh.faces, dtype=np.uint64)))
 
 
+def bounds(solid: Manifold) -> np.ndarray:
+    return np.reshape(solid.bounding_box(), (2, 3))
+
+
 def barge() -> dict[str, Any]:
     """A sheet of one plain hull with a component of nearly every kind."""
     sheet: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("barge.yaml").read_text())

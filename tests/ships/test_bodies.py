@@ -20,9 +20,7 @@ LOOSE = 0.4 * APART  # corners of a vertex are at most twice as far from each ot
 
 
 def block(low, high) -> trimesh.Trimesh:
-    box = trimesh.creation.box(np.subtract(high, low))
-    box.apply_translation(np.add(low, high) / 2)
-    return box
+    return trimesh.creation.box(bounds=[low, high])
 
 
 def mesh_of(solid: Manifold) -> trimesh.Trimesh:
@@ -150,8 +148,8 @@ def refused(mesh: trimesh.Trimesh, **transform) -> str:
 
 
 @pytest.fixture(scope="module", params=["texas", "spruance"])
-def hull(request, ship) -> trimesh.Trimesh:
-    mesh = ship(request.param)
+def hull(request) -> trimesh.Trimesh:
+    mesh = ships.load(request.param)
     mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     mesh.merge_vertices()
     return mesh

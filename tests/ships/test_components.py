@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from manifold3d import Manifold
-from shipyard import packaged_sheet, packaged_text, solid_of
+from shipyard import bounds, packaged_sheet, packaged_text, solid_of
 
 from ncti import ships
 from ncti.ships.build import Piece, piece
@@ -29,10 +29,6 @@ def pieces(name: str) -> tuple[Piece, ...]:
     sheet = packaged_sheet(name)
     hull = Piece("hull", sheet.hull.solid(), cuts=False)
     return (hull, *(piece(sheet, component) for component in sheet.components))
-
-
-def bounds(solid: Manifold) -> np.ndarray:
-    return np.reshape(solid.bounding_box(), (2, 3))
 
 
 def meets(a: Manifold, b: Manifold) -> bool:
@@ -61,12 +57,12 @@ def missing(name: str, index: int, ship: list[Manifold]) -> float:
 
 
 @pytest.fixture(scope="session")
-def slabs(ship):
+def slabs():
     """A ship in sheet axes, cut every 15 m so that looking into one part of it is quick."""
 
     @cache
     def cut(name: str) -> list[Manifold]:
-        mesh = ship(name)
+        mesh = ships.load(name)
         length = mesh.metadata["loa"]
         solid = solid_of(mesh).rotate((0, 0, 180)).translate((length / 2, 0, 0))
         slab = Manifold.cube((15, 40, 60)).translate((0, -20, 0))

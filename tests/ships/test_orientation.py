@@ -5,24 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ncti import ships
 from ncti.ships.orientation import diagnose
 from ncti.ships.transform import AXES, FARTHEST
 
-SIX = ships.names()
 TURNS = [(up, forward) for up in AXES for forward in AXES if up[-1] != forward[-1]]
 ROUNDED = 0.01 * np.sqrt(3) / 2  # offsets are proposed to 0.01 m
-
-six = pytest.mark.parametrize("name", SIX)
-
-
-@pytest.fixture
-def arrays(ship):
-    """Function: vertices and facets of a ship."""
-    return lambda name: (np.array(ship(name).vertices), np.array(ship(name).faces))
 
 
 def in_file(vertices, transform):
@@ -48,19 +39,17 @@ def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trime
     return trimesh.boolean.union([hull, house], engine="manifold")
 
 
-@six
-@settings(
-    max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@pytest.mark.parametrize("name", ships.names())
+@settings(max_examples=4, deadline=None)
 @given(
     turn=st.sampled_from([turn for turn in TURNS if turn != ("z", "-x")]),
     scale=st.floats(0.2, 3.0),
     place=st.tuples(*[st.floats(-300, 300)] * 3),
 )
-def test_any_transform_is_undone(name, turn, scale, place, arrays):
+def test_any_transform_is_undone(name, turn, scale, place):
     """Ships of any size, turned and shifted: after the proposal nothing is found."""
-    vertices, faces = arrays(name)
-    vertices = vertices * scale
+    mesh = ships.load(name)
+    vertices, faces = mesh.vertices * scale, np.array(mesh.faces)
     given_ = ships.Transform(up=turn[0], forward=turn[1], offset=place)
     file = in_file(vertices, given_)
     diagnosis = diagnose(file, faces)
@@ -89,9 +78,9 @@ def test_a_hull_on_its_keel_is_lowered_by_a_draught():
     assert diagnose(upside_down, faces).findings[0] == "is upside down"
 
 
-def test_a_file_is_loaded_by_the_proposed_transform(ship, tmp_path):
+def test_a_file_is_loaded_by_the_proposed_transform(tmp_path):
     """Through a file of millimetres that lies on its side, with its origin at the stern."""
-    mesh, path = ship("duncan"), tmp_path / "hull.stl"
+    mesh, path = ships.load("duncan"), tmp_path / "hull.stl"
     wrong = ships.Transform(up="y", forward="-z", scale=0.001, offset=(-67.0, 0.0, -9.0))
     trimesh.Trimesh(in_file(mesh.vertices, wrong), mesh.faces, process=False).export(path)
     description = ships.describe(path, scale=0.001)
@@ -108,8 +97,8 @@ def test_a_file_is_loaded_by_the_proposed_transform(ship, tmp_path):
     assert ships.digest(path, scale=0.001, **keys) != ships.digest(path, scale=0.001)
 
 
-def test_a_ship_under_water_is_refused_with_what_would_lift_it(ship, tmp_path):
-    mesh, path = ship("duncan"), tmp_path / "hull.stl"
+def test_a_ship_under_water_is_refused_with_what_would_lift_it(tmp_path):
+    mesh, path = ships.load("duncan"), tmp_path / "hull.stl"
     trimesh.Trimesh(mesh.vertices * [1, -1, -1], mesh.faces, process=False).export(path)
     with pytest.raises(ships.ShipError, match=r"under water and is upside down.*\{up: -z\} would"):
         ships.load(path)
@@ -117,9 +106,7 @@ def test_a_ship_under_water_is_refused_with_what_would_lift_it(ship, tmp_path):
 
 
 def block(size, middle) -> trimesh.Trimesh:
-    box = trimesh.creation.box(size)
-    box.apply_translation(middle)
-    return box
+    return trimesh.creation.box(size).apply_translation(middle)
 
 
 UPSIDE_DOWN = trimesh.util.concatenate(

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 import yaml
 from manifold3d import Manifold
-from shipyard import packaged_text, solid_of
+from shipyard import bounds, packaged_text, solid_of
 from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from ncti import ships
@@ -41,25 +41,25 @@ def stern_ranges(mesh: trimesh.Trimesh, *, depression: float = 3.84, pixel: floa
     return ranges - ranges.min()
 
 
-def test_is_one_closed_solid_wound_outward(ship, name) -> None:
-    mesh = ship(name)
+def test_is_one_closed_solid_wound_outward(name) -> None:
+    mesh = ships.load(name)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.volume > 0
     assert mesh.body_count == 1
 
 
-def test_lies_on_the_waterline_and_nothing_is_below(ship, name) -> None:
-    mesh = ship(name)
+def test_lies_on_the_waterline_and_nothing_is_below(name) -> None:
+    mesh = ships.load(name)
     assert mesh.vertices[:, 2].min() == 0
     flat = (mesh.triangles[:, :, 2] == 0).all(axis=1)
     assert (mesh.face_normals[flat, 2] < -0.999).all()
     assert mesh.area_faces[flat].sum() > 0.5 * np.prod(mesh.extents[:2])
 
 
-def test_length_and_beam_are_those_of_the_sheet(ship, name) -> None:
+def test_length_and_beam_are_those_of_the_sheet(name) -> None:
     """0.1 m is the project's tolerance; nothing overhangs the hull, so both measures agree."""
-    mesh, principal = ship(name), yaml.safe_load(packaged_text(name))["principal"]
+    mesh, principal = ships.load(name), yaml.safe_load(packaged_text(name))["principal"]
     for length in (mesh.extents[0], mesh.metadata["loa"]):
         assert length == pytest.approx(principal["LOA"], abs=0.1)
     for beam in (mesh.extents[1], mesh.metadata["beam"]):
@@ -68,13 +68,12 @@ def test_length_and_beam_are_those_of_the_sheet(ship, name) -> None:
     assert mesh.bounds[1, 2] == pytest.approx(principal["mast_top_z"], abs=0.6)
 
 
-def test_bow_is_at_plus_x_and_narrow(ship, name) -> None:
-    solid, half = solid_of(ship(name)), ship(name).extents[0] / 2
+def test_bow_is_at_plus_x_and_narrow(name) -> None:
+    solid, half = solid_of(ships.load(name)), ships.load(name).extents[0] / 2
 
     def breadth(x: float) -> float:
-        low, high = np.reshape(
-            (solid ^ Manifold.cube((0.1, 40, 60), True).translate((x, 0, 0))).bounding_box(), (2, 3)
-        )
+        slab = Manifold.cube((0.1, 40, 60), True).translate((x, 0, 0))
+        low, high = bounds(solid ^ slab)
         return high[1] - low[1]
 
     assert breadth(half - 1.0) < 4.0 < breadth(1.0 - half)
@@ -92,17 +91,17 @@ def test_bow_is_at_plus_x_and_narrow(ship, name) -> None:
         ("roberts", "stern capstan to port", 136.2, 1.8, 4.0),
     ],
 )
-def test_port_is_port(ship, name, what, aft, port, up) -> None:
-    mesh = ship(name)
+def test_port_is_port(name, what, aft, port, up) -> None:
+    mesh = ships.load(name)
     x = mesh.metadata["loa"] / 2 - aft
     assert is_solid_at(mesh, (x, port, up)), what
     assert not is_solid_at(mesh, (x, -port, up)), what
 
 
 @pytest.mark.parametrize(("name", "angle"), [("duncan", 11), ("roberts", 45), ("spruance", 10)])
-def test_transom_leans_as_stated(ship, name, angle) -> None:
+def test_transom_leans_as_stated(name, angle) -> None:
     """Its facets are one plane at the sheet's angle, and make up nearly all of the stern."""
-    mesh = ship(name)
+    mesh = ships.load(name)
     outward = -np.array([np.cos(np.radians(angle)), 0, np.sin(np.radians(angle))])
     stern = mesh.triangles_center[:, 0] < 4 - mesh.extents[0] / 2
     facing = stern & (mesh.face_normals @ outward > np.cos(np.radians(0.1)))
@@ -117,9 +116,9 @@ def test_transom_leans_as_stated(ship, name, angle) -> None:
 @pytest.mark.parametrize(
     ("name", "distance"), [("duncan", 26.5), ("roberts", 29), ("spruance", 56.5), ("horne", 45)]
 )
-def test_hangar_is_the_tallest_peak_from_astern(ship, name, distance) -> None:
+def test_hangar_is_the_tallest_peak_from_astern(name, distance) -> None:
     """Distances measured on rough models of the same sheets, half a bin and half a metre off."""
-    ranges = stern_ranges(ship(name))
+    ranges = stern_ranges(ships.load(name))
     share = np.bincount(np.floor(ranges).astype(int)) / len(ranges)
     assert np.argmax(share) + 0.5 == pytest.approx(distance, abs=1.0)
     assert share.max() > 0.12

@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shipyard import packaged_sheet
+from shipyard import bounds, packaged_sheet
 
 from ncti.ships import solids
 from ncti.ships.lofting import loft
 
 SIZE = st.floats(0.1, 20)
-
-
-def bounds(solid) -> np.ndarray:
-    return np.reshape(solid.bounding_box(), (2, 3))
 
 
 def polygon_share(sides: int) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from shipyard import refusal
 
@@ -17,9 +17,7 @@ KINDS = ("stl", "obj", "glb")
 
 
 def block(*, length=100.0, width=14.0, height=20.0, at=(0.0, 0.0, 10.0)) -> trimesh.Trimesh:
-    box = trimesh.creation.box((length, width, height))
-    box.apply_translation(at)
-    return box
+    return trimesh.creation.box((length, width, height)).apply_translation(at)
 
 
 def saved(geometry: trimesh.Trimesh | trimesh.Scene, path: Path) -> Path:
@@ -75,31 +73,12 @@ def test_a_mesh_that_is_no_ship_is_refused(said, kind, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("kind", ["stl", "glb"])
 def test_vertices_that_are_not_finite_are_refused(bad, kind, tmp_path) -> None:
     mesh = block()
     vertices = np.array(mesh.vertices)
     vertices[3, 1] = bad
     broken = trimesh.Trimesh(vertices, mesh.faces, process=False)
     assert "NaN or infinite" in refusal(saved(broken, tmp_path / f"hulk.{kind}"))
-
-
-def test_obj_with_a_nan_is_refused(tmp_path) -> None:
-    path = saved(block(), tmp_path / "hulk.obj")
-    lines = path.read_text().splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("v "))
-    lines[first] = "v nan 0 0"
-    path.write_text("\n".join(lines))
-    assert "NaN or infinite" in refusal(path)
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"solid nothing\nendsolid nothing\n", b"# only a comment\n"]
-)
-def test_file_without_facets_is_refused(content, kind, tmp_path) -> None:
-    path = tmp_path / f"hulk.{kind}"
-    path.write_bytes(content)
-    refusal(path)
 
 
 def test_point_cloud_is_refused(tmp_path) -> None:
@@ -114,9 +93,12 @@ def test_truncated_file_is_refused(kind, tmp_path) -> None:
 
 
 @settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-@given(content=st.binary(max_size=400), kind=st.sampled_from(KINDS))
+@given(content=st.binary(max_size=400))
+@example(content=b"")
+@example(content=b"solid nothing\nendsolid nothing\n")
+@example(content=b"# only a comment\n")
 def test_any_bytes_are_refused_in_one_sentence(content, kind, tmp_path) -> None:
     path = tmp_path / f"noise.{kind}"
     path.write_bytes(content)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from shipyard import barge, packaged_sheet
 
@@ -139,13 +140,8 @@ def test_symmetric_ship_stays_symmetric() -> None:
         for built in (mirrored, ship):
             low, high = built.vertices.min(axis=0)[1], built.vertices.max(axis=0)[1]
             assert low == pytest.approx(-high, abs=1e-6)
-        assert ships.is_symmetric(trimesh_of(ship))
-
-
-def trimesh_of(ship: build.Ship):
-    import trimesh
-
-    return trimesh.Trimesh(ship.vertices, ship.faces, process=False)
+        mesh = trimesh.Trimesh(ship.vertices, ship.faces, process=False)
+        assert ships.is_symmetric(mesh)
 
 
 def test_a_part_goes_with_what_carries_it() -> None:

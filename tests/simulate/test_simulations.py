@@ -1,7 +1,5 @@
 """Simulations: statistics, labels, reproducibility, and what they refuse."""
 
-import math
-
 import numpy as np
 import pytest
 import trimesh
@@ -31,14 +29,6 @@ def flight(ship=BOX, **options):
 
 
 EVERY = pytest.mark.parametrize("simulated", [profile, image, flight])
-
-
-def test_the_averaged_profile_is_the_expected_one_in_the_mean():
-    """Student's t with 29 degrees of freedom in each of 250 bins; level 5e-6."""
-    averaged = profile(frames=2000, rng=1)
-    shorter = [profile(frames=50, rng=seed).values for seed in range(2, 32)]
-    deviation = np.std(shorter, axis=0, ddof=1) * math.sqrt(50 / 2000)
-    assert np.abs((averaged - averaged.expected).values / deviation).max() < 7.7
 
 
 def test_a_ship_whose_sides_are_alike_has_equal_profiles_from_both():

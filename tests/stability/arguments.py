@@ -77,6 +77,7 @@ GOOD = {
     },
     "evaluate.wilson_interval": {"successes": 1, "trials": 3},
     "evaluate.aspect_bins": {"aspects": [3.0]},
+    "evaluate.accuracy_by_aspect": {"correct": np.zeros((4, 3), bool), "aspects": [0.0, 3.0, 6.0]},
     "evaluate.open_set_scores": {
         **{"similarity": [0.5, 0.6], "correct": [True, False], "known": [True, False]},
     },
@@ -258,7 +259,7 @@ OTHERS = {
         **{
             "name": ["aspect", None],
             "seed": [-1, 0.5],
-            "ships": [["duncan", "roberts"], [], "duncan"],
+            "ships": [["duncan", "roberts"], ["duncan"], [], "duncan"],
         },
         **{"train": [0, 1.5], "test": [0, NAN], "workers": [0]},
     },
@@ -280,6 +281,10 @@ OTHERS = {
         "truth": [[0], [0, 0, 0], [[0, 0]], [0, 7]],
     },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
+    "evaluate.wilson_interval": {"confidence": [0.0, 1.0, 95.0, NAN]},
+    "evaluate.accuracy_by_aspect": {
+        "correct": [np.ones((4, 3)), np.ones((4, 2), bool), np.ones(3, bool)],
+    },
     "evaluate.score": {
         **{"y": [[], [NAN, 1.0], ["roberts", "roberts"], [["duncan", "texas"]]]},
         **{"predicted": [["duncan"], ["duncan", "roberts"], np.ones((2, 3)), [[NAN, 1.0]] * 2]},

@@ -24,6 +24,7 @@ def test_a_wrong_argument_is_named_with_its_value(path):
             function(**good | {name: value})
         said = str(caught.value)
         assert "\n" not in said, (name, value)
+        assert re.search(r"\b(must|known|needed|allowed)\b", said), said
         if isinstance(value, float | str):
             shown = {str(value)} if isinstance(value, str) else {str(value), f"{value:g}"}
             assert any(text in said for text in shown), (name, value, said)

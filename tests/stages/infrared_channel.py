@@ -9,8 +9,7 @@ from ncti.render import RangeImage
 from sweeps.stages import infrared
 
 WAYS = ("none", "perfect", "shifted")
-LENGTH, HEIGHT = 130.0, 24.0
-BOXES = ((-65, 65, 0, 9), (-20, 10, 9, HEIGHT))  # left, right, bottom, top [m]
+BOXES = ((-65, 65, 0, 9), (-20, 10, 9, 24))  # left, right, bottom, top [m]
 DETECTOR = {"ifov": 150e-6, "seed": 3}
 IMAGER = {
     "coverage_rule": 0.25,

@@ -1,6 +1,5 @@
 """The range channel alone: its experiment, and profiles of one cell that are made up."""
 
-import tracemalloc
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,13 +132,3 @@ def few_learned(aspects, learned=20):
     templates = GaussianTemplates(template_error=0.2)
     templates.fit(averaged[known], band, of_ship, averaged[known][:, :1], aspect=0.01 * column)
     return known, (templates, known), averaged
-
-
-def peak_memory(call):
-    """Return the most memory [B] that a call held."""
-    tracemalloc.start()
-    try:
-        call()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()

@@ -1,12 +1,12 @@
 """The Adaptive Clustering Network on a handful of vectors by hand, and its stages on made views."""
 
-import tracemalloc
 import warnings
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from memory import peak_memory
 from range_channel import ASPECTS, SHIPS, choose, made
 
 from ncti.classify import AdaptiveClusteringNetwork, Similarities
@@ -253,16 +253,14 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
 
 def test_memory_of_tests_is_in_proportion_to_their_number():
     def peak(aspects):
-        views, tests, training_views = few_learned(aspects, 50)
-        tracemalloc.start()
-        training_set = TrainingSet.of_views(
-            views, training_views | True, training_views, profile_vectors
-        )
-        formed = form_categories(training_set, training_views, (0, 0), 0.8, 0.1, 200, "first")
-        answer_tests(training_set, formed, tests[None], training_views | True, "ship", False, 0.1)
-        peak_bytes = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
-        return peak_bytes
+        views, tests, known = few_learned(aspects, 50)
+
+        def answer():
+            training_set = TrainingSet.of_views(views, known | True, known, profile_vectors)
+            formed = form_categories(training_set, known, (0, 0), 0.8, 0.1, 200, "first")
+            answer_tests(training_set, formed, tests[None], known | True, "ship", False, 0.1)
+
+        return peak_memory(answer)
 
     peak(60)  # imports
     small, large = peak(500), peak(4_000)

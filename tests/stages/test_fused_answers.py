@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from memory import peak_memory
 from range_channel import (
     ASPECTS,
     FRAMES,
@@ -11,7 +12,6 @@ from range_channel import (
     few_learned,
     learned,
     made,
-    peak_memory,
 )
 from scipy.optimize import minimize
 from scipy.special import logsumexp

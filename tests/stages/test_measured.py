@@ -62,14 +62,14 @@ class Fixed:
         return 11
 
 
-def named(signatures, name, valid=ALL, unknown=None, **changes):
+def named(signatures, name, unknown=None, **changes):
     """Names that a classifier trained on synthetic signatures gives to measured ones."""
     known = signatures[:, :, LEARNED]
     learned = classifier.training_views(SHIPS, ASPECTS, unknown, None, None, ())
-    trained = namer(training_views(name, **changes), known, valid, learned, ASPECTS, Fixed())
+    trained = namer(training_views(name, **changes), known, ALL, learned, ASPECTS, Fixed())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        return measured(trained, signatures, valid)
+        return measured(trained, signatures, ALL)
 
 
 @pytest.mark.filterwarnings(f"ignore::{ConvergenceWarning.__module__}.ConvergenceWarning")

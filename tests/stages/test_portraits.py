@@ -12,31 +12,20 @@ from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Grid
 
 
-def block(size, at):
-    return trimesh.creation.box(size, trimesh.transformations.translation_matrix(at))
-
-
-@pytest.fixture
-def hull(tmp_path, monkeypatch):
-    """Name of a file in millimetres, y up: a hull afloat with a house and a mast on it."""
-    parts = [block((60, 10, 5), (0, 0, 2.5)), block((12, 8, 6), (-5, 0, 7)),
-             block((1, 1, 14), (-2, 0, 14))]  # fmt: skip
-    mesh = trimesh.boolean.union(parts, engine="manifold")
-    axes = ncti.ships.Transform(up="y", scale=0.001).axes
-    turned = trimesh.Trimesh(mesh.vertices @ axes * 1000, mesh.faces, process=False)
-    turned.export(tmp_path / "hull.stl")
-    monkeypatch.chdir(tmp_path)
-    return "hull.stl"
-
-
 def ship(**given):
     [name] = choose(grid__ship=given)[Grid.ship]
     return name
 
 
-def test_a_transform_counts_in_the_key_of_results(hull):
+def test_a_transform_counts_in_the_key_of_results(tmp_path, monkeypatch):
+    """Of a box afloat, in a file in millimetres, y up."""
+    mesh = trimesh.creation.box((60, 10, 21)).apply_translation((0, 0, 10.5))
+    axes = ncti.ships.Transform(up="y", scale=0.001).axes
+    turned = trimesh.Trimesh(mesh.vertices @ axes * 1000, mesh.faces, process=False)
+    turned.export(tmp_path / "hull.stl")
+    monkeypatch.chdir(tmp_path)
     turned, same, other = (
-        views.hull(ship(path=hull, up=up, scale=0.001)) for up in ("y", "y", "-y")
+        views.hull(ship(path="hull.stl", up=up, scale=0.001)) for up in ("y", "y", "-y")
     )
     assert value_token(turned) == value_token(same) != value_token(other)
     plain = ncti.ships.digest("duncan")

@@ -11,16 +11,6 @@ from ncti.infrared import coverage_of, pixel_sigma
 from ncti.ladar.places import PLASTIC
 from sweeps.stages.infrared import log_polar, silhouettes, template_log_polar
 
-HEAD_ON = (0.0, 0.0)  # aspect, and that of what is drawn
-
-
-def templates(coverage_rule, inner_radius, interpolation, subpixel_offsets):
-    """Noiseless maps at 25 km."""
-    options = {"inner_radius": inner_radius, "interpolation": interpolation}
-    imager = 25e3, 150e-6, coverage_rule
-    return template_log_polar(HITS, *HEAD_ON, *imager, **options, subpixel_offsets=subpixel_offsets)
-
-
 METHODS = ("matched", "otsu")
 RADII, BETWEEN = (0.5, 0.75), ("bilinear", "nearest")
 FRAMES = (1, 16)
@@ -55,7 +45,9 @@ def test_a_cell_is_the_library_done_by_hand(way, slant_range):
 def test_templates_are_the_pixels_that_the_ship_fills():
     """At places on the detector that spread evenly over a pixel, the first at its corner."""
     phases = tuple(range(64))
-    maps = templates(0.4, 0.5, "nearest", phases)
+    head_on, imager = (0.0, 0.0), (25e3, 150e-6, 0.4)
+    options = {"inner_radius": 0.5, "interpolation": "nearest"}
+    maps = template_log_polar(HITS, *head_on, *imager, **options, subpixel_offsets=phases)
     places = np.outer(phases, PLASTIC) % 1
     assert not places[0].any()
     for phase in (0, 1, 5):
@@ -66,9 +58,7 @@ def test_templates_are_the_pixels_that_the_ship_fills():
             footprint=3.75,
             phase=tuple(places[phase]),
         )
-        cells = features.log_polar(
-            silhouette.target(0.4), inner_radius=0.5, interpolation="nearest"
-        )
+        cells = features.log_polar(silhouette.target(0.4), **options)
         np.testing.assert_array_equal(maps[phase], np.rint(255 * cells))
     # Four places in each of 16 squares, up to two more or less; chance has a spread of that.
     counts, *_ = np.histogram2d(*places.T, bins=4, range=[[0, 1], [0, 1]])

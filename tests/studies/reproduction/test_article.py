@@ -103,8 +103,3 @@ def test_only_parameters_that_decide_are_informed():
     chance = 8 / (2 * np.log(2) * settings.fits["all"].effective)
     assert max(bits.values()) < 4 * chance and settings.fits["all"].effective >= 49
     assert np.abs(settings.information(settings.fits["none"])).max() < 1e-12
-
-
-def test_aspects_have_to_be_in_the_three_bins():
-    with pytest.raises(ValueError, match="bins"):
-        figures([0.0, 45.0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from commands import opened, swept
+from metric import areas
 
 import ncti.ships
 from ncti.ladar import range_extent
@@ -23,23 +24,9 @@ VIEW = {"aspect": 60.0, "depression": 3.84}
 PLACE = {"ship": "texas", "pixel": 1}
 
 
-@pytest.fixture(scope="module")
-def store(tmp_path_factory):
-    path = tmp_path_factory.mktemp("run_time") / "s.zarr"
-    assert not swept(path, path.with_name("cache"), *SMALL).failures
-    return path
-
-
-@pytest.fixture(scope="module")
-def measured(store):
-    return opened(store, "run_time").squeeze(SINGLE)
-
-
-def areas(extent):
-    return extent.fraction * (extent.ifov * extent.slant_range) ** 2
-
-
-def test_errors_are_those_of_the_library_beside_the_reference(measured):
+def test_errors_are_those_of_the_library_beside_the_reference(tmp_path):
+    assert not swept(tmp_path / "s.zarr", tmp_path / "cache", *SMALL).failures
+    measured = opened(tmp_path / "s.zarr", "run_time").squeeze(SINGLE)
     ship = ncti.ships.load("texas")
     sight = {"slant_range": 100e3}
     exact = reference_range_extent(ship, **VIEW, **sight, bin_edges=EDGES, side=15.0)

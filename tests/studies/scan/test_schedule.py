@@ -52,12 +52,5 @@ def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, puls
     assert (twice.dwelling, twice.exhaustive) == pytest.approx((search.dwelling, search.exhaustive))
 
 
-def test_visiting_every_place_saves_nothing_but_moves():
-    search = schedule(
-        [20475], imaging=0.0, whole=20475, frame_count=16, pulse_rate=1e3, slew_time=0.0
-    )
-    assert search.gain == 1.0
-
-
 def test_a_pulse_is_back_before_the_next():
     assert most_pulses(100e3) == pytest.approx(1499, abs=0.5)
