@@ -139,8 +139,4 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-STAGES = (
-    profile_draws,
-    correlation,
-)
 TABLES = ANSWERS.tables(rejecting=True)

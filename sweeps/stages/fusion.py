@@ -305,10 +305,4 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-STAGES = (
-    silhouette_constants,
-    profile_outlier_fraction,
-    fusion,
-    fusion_draws,
-)
 TABLES = ANSWERS.tables(labels={"classifier": NAME})

@@ -130,6 +130,3 @@ def about(choices: Choices) -> list[str]:
         if details.findings
     ]
     return [printable(line) for line in lines]
-
-
-STAGES = (portrait,)

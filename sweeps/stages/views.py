@@ -474,16 +474,3 @@ def loops(choices: Choices) -> list[Loops]:
 
 
 WORDS = {Sweep.sensor: "SENSOR"}
-
-
-STAGES = (
-    hull,
-    hulls,
-    drawing_engine,
-    depression,
-    mesh,
-    drawn_aspect,
-    drawn_range,
-    sampling,
-    image,
-)
