@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from ncti.ships.errors import printable
 from sweeps.report.answer import thin_lines
 from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
 from sweeps.report.contest import SHIP, is_test, main_axis
@@ -17,7 +18,7 @@ from sweeps.report.page.provenance import iter_settings, values_in_words
 from sweeps.report.pairs import LEVEL
 from sweeps.report.pivot import Entry, Line, Table, make_entry
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import MAIN, is_missing, printable_text
+from sweeps.report.words import MAIN, is_missing
 
 MOST_LINES, MOST_LISTED = 10, 3
 ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
@@ -43,7 +44,7 @@ def change_sentences(compared: Comparison) -> list[str]:
         interval = f" [{changed.interval}]" if changed.interval else ""
         course += f", {changed.text} {column.unit}".rstrip() + interval
     if frame.name != NAME:
-        table = printable_text(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
+        table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
             f"Of {table}, {subject} changed most{suffix}: {course}.",
             "Without intervals it is not known whether chance alone would do so.",
@@ -161,7 +162,7 @@ def ships_that_differ(compared: Comparison) -> list[str]:
         transforms = attrs.get("mesh_transforms", {})
         for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
-    return [printable_text(name) for name, digests in meshes.items() if len(digests) > 1]
+    return [printable(name) for name, digests in meshes.items() if len(digests) > 1]
 
 
 def _abbreviate(listed: Sequence[str]) -> str:

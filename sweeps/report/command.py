@@ -43,7 +43,7 @@ def _run(arguments: argparse.Namespace) -> int:
     """Print and write the requested tables; return the exit status."""
     # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.declare.errors import ConfigurationError
-    from sweeps.report.own import blocked_sentence
+    from sweeps.report.outputs import blocked_sentence
     from sweeps.report.pictures import write_pictures
     from sweeps.report.screen import print_error, stdout_console
     from sweeps.report.summary import report, report_comparison

@@ -11,20 +11,12 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from ncti.ships.errors import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.report.article_columns import add_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, list_groups, opened, read_group, refusal
-from sweeps.report.words import (
-    UNITS,
-    WORDED,
-    WORDS,
-    file_name,
-    printable_text,
-    unit_of,
-    value_text,
-    words_of,
-)
+from sweeps.report.words import UNITS, WORDED, WORDS, file_name, unit_of, value_text, words_of
 
 # Dimensions of draws.
 DRAWS = ("replicate", "phase", "order", "draw")
@@ -281,15 +273,15 @@ def _columns_of_figures(
             column = Column(
                 name,
                 main.column,
-                printable_text(name.replace("_", " ")),
+                printable(name.replace("_", " ")),
                 "%" if is_percent else unit_of(str(attrs.get("units", "1"))),
-                printable_text(str(attrs.get("long_name", ""))),
+                printable(str(attrs.get("long_name", ""))),
                 role,
                 main.format,
                 main.listed,
                 TENTHS if is_percent else main.digits,
                 100 if is_percent else 1,
-                printable_text(str(attrs.get("infinite", "inf"))),
+                printable(str(attrs.get("infinite", "inf"))),
             )
             columns[name] = variable, column
     return columns
@@ -299,7 +291,7 @@ def column_of_axis(data: xr.Dataset, name: str) -> Column:
     """Return the column of an axis, with the label and unit of its setting."""
     attrs = data[name].attrs
     units = str(attrs.get("units", UNITS.get(name, "1")))
-    meaning = printable_text(str(attrs.get("long_name", "")))
+    meaning = printable(str(attrs.get("long_name", "")))
     return Column(file_name(name, units), name, words_of(name), unit_of(units), meaning)
 
 

@@ -12,8 +12,8 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
+from ncti.ships.errors import printable
 from sweeps.engine.run.process import guarded_stdout
-from sweeps.report.words import printable_text
 
 PIPED = 80  # cells of a line where there is no terminal
 PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
@@ -62,7 +62,7 @@ def print_error(sentence: str) -> None:
 
 def plain_text(text: str) -> Text:
     """Return a text without markup, its control characters except newlines escaped."""
-    return Text("\n".join(map(printable_text, text.split("\n"))))
+    return Text("\n".join(map(printable, text.split("\n"))))
 
 
 def print_line(text: str, console: Console) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import xarray as xr
 import zarr
 
+from ncti.ships.errors import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
@@ -19,7 +20,7 @@ from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.writing import zarr_store
-from sweeps.report.words import MAIN, preferred_value, printable_text
+from sweeps.report.words import MAIN, preferred_value
 
 ERRORS = "range_profile/profile_error"
 READ = ("tables", ERRORS)  # what the report prints
@@ -112,4 +113,4 @@ def relative_path(path: PathOrUrl) -> str:
     """Return a path, relative if below the current folder, with control characters escaped."""
     if isinstance(path, Path) and path.is_relative_to(folder := Path.cwd()):
         path = path.relative_to(folder)
-    return printable_text(str(path))
+    return printable(str(path))

@@ -18,9 +18,8 @@ from sweeps.report.contest import main_frame
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, read_frames, select_table
 from sweeps.report.headline import accuracy_sentences, headline
-from sweeps.report.own import is_free
+from sweeps.report.outputs import is_free, page_file, tables_folder
 from sweeps.report.pivot import constant_values, lay_out
-from sweeps.report.places import page_file, tables_folder
 from sweeps.report.screen import buffered_console, print_line, print_note
 from sweeps.report.stores import (
     attributes,

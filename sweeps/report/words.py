@@ -9,6 +9,8 @@ from typing import Any
 
 import pandas as pd
 
+from ncti.ships.errors import printable
+
 NOTHING = "–"  # for a missing figure
 IN_FILES = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}
 WRITTEN = {"degree": "°", "urad": "µrad", "1": ""}
@@ -46,16 +48,9 @@ MAIN: dict[str, Any] = {
 }
 
 
-def printable_text(text: str) -> str:
-    """Return a text with its control and other invisible characters escaped."""
-    if text.isprintable():
-        return text
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
-
-
 def words_of(name: str) -> str:
     """Return the name of an axis as people write it."""
-    words = printable_text(name.replace("_", " ")).split(" ")
+    words = printable(name.replace("_", " ")).split(" ")
     return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
@@ -69,7 +64,7 @@ def file_name(name: str, units: str) -> str:
 
 def unit_of(units: str) -> str:
     """Return a unit as printed; empty if there is none."""
-    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable_text(units)))
+    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
 
 
 def is_missing(value: Any) -> bool:
@@ -85,7 +80,7 @@ def value_text(value: Any, format: str = "g") -> str:
         return "yes" if value else "no"
     if isinstance(value, float) and math.isfinite(value):
         return format_number(value, format)
-    return printable_text(str(value)).replace("_", " ")
+    return printable(str(value)).replace("_", " ")
 
 
 def format_number(value: float, format: str) -> str:

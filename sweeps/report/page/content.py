@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ncti.ships.errors import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.changes import change_sentences as changes
 from sweeps.report.changes import settings_sentence, settings_that_differ
@@ -21,7 +22,7 @@ from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
 from sweeps.report.pivot import lay_out, select_main
 from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import is_missing, preferred_value, printable_text
+from sweeps.report.words import is_missing, preferred_value
 from sweeps.report.work import NAME as WORK
 
 MOST = 4_000  # rows of a table; the CSV file has all
@@ -222,10 +223,10 @@ def _json_value(value: Any) -> Any:
     """Return a value of a frame for JSON, with control characters escaped."""
     if is_missing(value) or (isinstance(value, float) and not math.isfinite(value)):
         return None
-    return printable_text(value) if isinstance(value, str) else value
+    return printable(value) if isinstance(value, str) else value
 
 
 def _words_of(frame: Frame, name: str) -> dict[str, str]:
     """Return the words of the values of an axis, by value."""
     words = frame.columns[name].text
-    return {printable_text(str(value)): words(value) for value in values_of(frame.rows, name)}
+    return {printable(str(value)): words(value) for value in values_of(frame.rows, name)}
