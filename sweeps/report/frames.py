@@ -16,7 +16,17 @@ from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_disp
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.report.article_columns import add_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, list_groups, opened, read_group, refusal
-from sweeps.report.words import UNITS, WORDED, WORDS, file_name, unit_of, value_text, words_of
+from sweeps.report.words import (
+    OVERALL,
+    UNITS,
+    WORDED,
+    WORDS,
+    file_name,
+    is_number,
+    unit_of,
+    value_text,
+    words_of,
+)
 
 # Dimensions of draws.
 DRAWS = ("replicate", "phase", "order", "draw")
@@ -99,10 +109,23 @@ class Frame:
             if column.role == role and (not figure or column.axis == figure)
         ]
 
+    def column_of_role(self, role: str, figure: str) -> str:
+        """Return the name of the first column of a role of a figure; empty if there is none."""
+        return next(iter(self.columns_of_role(role, figure)), "")
+
+    def related_columns(self, figure: str) -> dict[str, str]:
+        """Return the columns of a figure's interval and level of chance, by role; empty: none."""
+        return {role: self.column_of_role(role, figure) for role in ("low", "high", "chance")}
+
     @property
     def figures(self) -> list[str]:
         """Return names of the columns of figures that are listed, the main one first."""
         return [name for name in self.columns_of_role("figure") if self.columns[name].listed]
+
+    @property
+    def names_by_axis(self) -> dict[str, str]:
+        """Names of the columns of axes, by the names of the axes."""
+        return {self.columns[name].axis: name for name in self.columns_of_role("axis")}
 
     @cached_property
     def varying_axes(self) -> list[str]:
@@ -113,6 +136,11 @@ class Frame:
     def records(self) -> dict[Any, dict[str, Any]]:
         """Values of every row by column, by the row's label; quicker than looking rows up."""
         return self.rows.to_dict("index")
+
+    @property
+    def has_overall(self) -> bool:
+        """Whether the axis across has an overall value, beside bins of aspects."""
+        return bool(self.across) and bool((self.rows[self.across] == OVERALL).any())
 
     def where(self, rows: Any) -> Frame:
         """Return the frame with some of its rows."""
@@ -354,6 +382,6 @@ def stack_frames(parts: Sequence[Frame]) -> Frame:
 def values_of(rows: pd.DataFrame, name: str) -> list[Any]:
     """Return the values of an axis in some rows, numbers in ascending order."""
     values = rows[name].dropna().unique().tolist()
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+    if all(map(is_number, values)):
         values.sort()
     return values

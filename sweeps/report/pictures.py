@@ -39,7 +39,6 @@ SCALE = 50.0  # m, drawn below its images
 STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS, CONFUSED = "ships", "classification"  # groups
-PICTURED = ("range_profile", "infrared")  # groups with pictures of each view
 Floats = NDArray[np.float64]
 
 MEASURES = ("length", "beam", "height", "facets")
@@ -157,15 +156,12 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
     from matplotlib.figure import Figure
 
     root = opened(store)
-    rows = [name for name in PICTURED if name in list_groups(root)]
+    rows = [group for group in PICTURED if group in list_groups(root)]
     figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
     panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
     for row, group in zip(panels, rows, strict=True):
         for axes, ship in zip(row, ships, strict=True):
-            if group == "infrared":
-                _draw_silhouette(axes, root, ship, aspect)
-            else:
-                _draw_profile(axes, root, ship, aspect)
+            PICTURED[group](axes, root, ship, aspect)
     for axes, ship in zip(panels[0], ships, strict=True):
         axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=SMALL + 1)
     return figure
@@ -191,6 +187,10 @@ def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     axes.set_yticks([])
 
 
+PICTURED = {"range_profile": _draw_profile, "infrared": _draw_silhouette}
+"""Drawings of one view, by the group of a store that they show."""
+
+
 def draw_flights(
     store: PathOrUrl, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> dict[str, Callable[[], Figure]]:
@@ -212,7 +212,8 @@ def draw_flights(
     root = opened(store)
     if "validation" not in root:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
-    attrs, load = attributes(root), ship or partial(known_ship, attributes(root))
+    attrs = attributes(root)
+    load = ship or partial(known_ship, attrs)
     flights = flights_of(read_group(root, "validation"))
     meshes = {label: load(label) for label in {flight.ship.item() for flight in flights.values()}}
 

@@ -23,7 +23,7 @@ from sweeps.engine.store.writing import zarr_store
 from sweeps.report.words import MAIN, preferred_value
 
 ERRORS = "range_profile/profile_error"
-READ = ("tables", ERRORS)  # what the report prints
+PRINTED = ("tables", ERRORS)  # what the report prints
 # Dimensions of profiles and images.
 OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
@@ -59,10 +59,10 @@ def read_group(store: Any, group: str) -> xr.Dataset:
     return restore_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
 
 
-def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:
-    """Refuse a store with damaged, missing or foreign files.
+def check_whole(path: PathOrUrl, groups: Iterable[str] | None = None) -> None:
+    """Refuse (`ConfigurationError`) a store with damaged, missing or foreign files.
 
-    By default, in the groups that the report prints; with None, in all. Raises ConfigurationError.
+    In some groups only, if they are given.
     """
     try:
         bad = verify(path, groups)

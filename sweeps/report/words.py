@@ -32,6 +32,8 @@ SIMPLEST = (
     *("range", "infrared", "both"),
 )
 
+OVERALL = "overall"  # bin of all aspects
+
 # Value of an axis that is shown first: the article's, or the nominal one; else the first.
 MAIN: dict[str, Any] = {
     **{"range": 100.0, "pulse_width": 30.0, "vigilance": 0.95, "frame_count": 16},
@@ -44,7 +46,7 @@ MAIN: dict[str, Any] = {
     **{"split": "aspect-random", "fitted": "all", "fleet": 4},
     **{"chain": "exact", "azimuth": "pixel", "mirror": "exact", "range_filter": "cluster"},
     "kind": ("measured", "test"),
-    **{"aspect_bin": "overall", "channel": "both", "aspect": 175.0, "source": "measured"},
+    **{"aspect_bin": OVERALL, "channel": "both", "aspect": 175.0, "source": "measured"},
 }
 
 
@@ -72,6 +74,11 @@ def is_missing(value: Any) -> bool:
     return value is None or value is pd.NA or bool(value != value)
 
 
+def is_number(value: Any) -> bool:
+    """Return whether a value is a number, which truth values are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def value_text(value: Any, format: str = "g") -> str:
     """Return a value as printed, floats by a format."""
     if is_missing(value):
@@ -97,8 +104,6 @@ def preferred_value(name: str, values: Sequence[Any]) -> Any:
     for choice in main if isinstance(main, tuple) else (main,):
         if choice in values:
             return choice
-    if all(
-        isinstance(value, int | float) and not isinstance(value, bool) for value in (main, *values)
-    ):
+    if all(map(is_number, (main, *values))):
         return min(values, key=lambda value: (abs(value - main), value))
     return values[0]

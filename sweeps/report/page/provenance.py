@@ -14,7 +14,7 @@ from ncti.ships.errors import printable
 from sweeps.engine.declare.stage import STATUS
 from sweeps.report.frames import Frame
 from sweeps.report.stores import attributes, failed_cells, list_groups, read_group
-from sweeps.report.words import unit_of, value_text
+from sweeps.report.words import is_number, unit_of, value_text
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 STATES = (1, 0, -1)  # of a cell: done, failed, missing
@@ -98,9 +98,8 @@ def swept_settings(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tupl
 
 def values_in_words(values: list[Any], unit: str) -> str:
     """Return values in words; of many numbers, the ends."""
-    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
-    if len(values) > VALUES and len(numbers) == len(values):
-        ends = f"{value_text(min(numbers))} to {value_text(max(numbers))} {unit}".strip()
+    if len(values) > VALUES and all(map(is_number, values)):
+        ends = f"{value_text(min(values))} to {value_text(max(values))} {unit}".strip()
         return f"{ends}, {len(values)} values"
     return f"{', '.join(map(value_text, values))} {unit}".strip()
 
