@@ -99,7 +99,8 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
-    from sweeps.stages.views import Grid, hull, looks, read_mesh
+    from sweeps.stages.meshes import hull, read_mesh
+    from sweeps.stages.views import Grid, looks
 
     kept_files: list[Path] = []
     if finished.written:
@@ -117,7 +118,7 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
         ships = {str(ship): ship for ship in choices[Grid.ship]}
         with _reporting_errors():
             kept_files += write_pictures(
-                store, stdout_console(), ship=lambda label: read_mesh(hull.function(ships[label]))
+                store, stdout_console(), ship=lambda label: read_mesh(hull(ships[label]))
             )
     if kept_files:
         raise SweepIncomplete(blocked_sentence(list(dict.fromkeys(kept_files))))

@@ -31,7 +31,7 @@ from sweeps.engine.declare.kinds import Kind, SetOf, Word
 from sweeps.engine.declare.settings import Choices, Setting, Settings
 from sweeps.engine.declare.stage import Experiment, Stage
 from sweeps.engine.run.process import environment
-from sweeps.stages import views
+from sweeps.stages import meshes, views
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import Grid, Render, Sweep
 
@@ -101,7 +101,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             return choices.replace(Render.engine, views.drawing_engines(choices))
 
     def attributes(choices: Choices) -> dict[str, Any]:
-        digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
+        digests = {str(ship): meshes.hull(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         nonempty = {label: words for label, words in transforms.items() if words}
         return {"mesh_digests": digests} | ({"mesh_transforms": nonempty} if nonempty else {})

@@ -40,8 +40,9 @@ from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
-from sweeps.stages.ships import ShipName, ship_name
-from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, require_among, ships
+from sweeps.stages.refusals import refuse, require, require_among
+from sweeps.stages.ships import ShipName, ship_name, ships
+from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -321,7 +322,7 @@ def require_another_aspect(training_views: Mask, left_out: bool) -> None:
 def check_receiver(choices: Choices, name: str) -> None:
     """Refuse receivers whose moments a classifier needs and lacks."""
     reason = f"for the classifier {name}, which knows the moments of no other"
-    views.require(choices, Ladar.receiver, FULL, reason)
+    require(choices, Ladar.receiver, FULL, reason)
 
 
 # Inputs

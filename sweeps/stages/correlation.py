@@ -12,7 +12,8 @@ from sweeps.engine.declare.settings import Choices, Settings, word
 from sweeps.engine.declare.stage import Output, in_memory
 from sweeps.stages import classifier
 from sweeps.stages.classifier import NONE, Classifier, Mask
-from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
+from sweeps.stages.refusals import refuse
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"

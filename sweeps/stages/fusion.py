@@ -21,17 +21,8 @@ from sweeps.stages.classifier import GATHERED, NONE, Classifier, Mask
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood, Prior
-from sweeps.stages.views import (
-    INFRARED,
-    RANGE,
-    Arrays,
-    Floats,
-    Grid,
-    Profiles,
-    Sweep,
-    refuse,
-    require_among,
-)
+from sweeps.stages.refusals import refuse, require_among
+from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles, Sweep
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates

@@ -51,7 +51,9 @@ from sweeps.engine.declare.stage import (
     stage,
 )
 from sweeps.engine.resolve.keys import cell_rng
-from sweeps.stages import views
+from sweeps.stages import meshes, views
+from sweeps.stages.arguments import restore
+from sweeps.stages.refusals import refuse
 from sweeps.stages.views import Arrays, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
@@ -237,7 +239,7 @@ def detector_view(
 ) -> DetectorView:
     """Return a ship on the detector."""
     stream = partial(cell_rng, seed, ship=str(ship), aspect=aspect, range=range / views.SI["km"])
-    patches = views.restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    patches = restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(range, ifov)
     return DetectorView(patches, side, imager.contrast(range), imager, stream)
 
@@ -373,7 +375,7 @@ def template_log_polar(
     subpixel_offsets: tuple[int, ...],
 ) -> Bytes:
     """Return (offset, angle, radius) noiseless maps."""
-    patches = views.restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    patches = restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     targets = [
         patches.covering(side, spread_place(offset)).target(coverage_rule)
@@ -406,12 +408,12 @@ def check_window(choices: Choices) -> None:
     """Refuse ships that images do not hold."""
     length, height = Infrared.window_length, Infrared.window_height
     for ship in choices[Grid.ship]:
-        vertices = views.description(views.hull(ship)).vertices
+        vertices = meshes.description(meshes.hull(ship)).vertices
         longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
         for setting, needed in ((length, longest), (height, float(vertices[:, 2].max()))):
             if needed > (allowed := choices.value(setting)):
-                hold = f"at least {math.ceil(needed)} m to hold {ship}{views.fault_hint(ship)}"
-                views.refuse(setting, allowed, hold)
+                hold = f"at least {math.ceil(needed)} m to hold {ship}{meshes.fault_hint(ship)}"
+                refuse(setting, allowed, hold)
 
 
 # Tables

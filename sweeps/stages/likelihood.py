@@ -23,7 +23,8 @@ from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Integers, Mask
 from sweeps.stages.ladar import Ladar, expected, extent, ifovs, mirror_place
-from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
+from sweeps.stages.refusals import refuse
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
