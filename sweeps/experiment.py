@@ -79,10 +79,6 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     `code` names further packages, besides this project's, whose code counts in the keys of results.
     """
-
-    def collect_declared(name: str) -> tuple[Any, ...]:
-        return tuple(value for module in modules for value in getattr(module, name, ()))
-
     kinds = _kinds(modules)
     settings = tuple(
         replace(setting, kind=kinds[setting.key]) if setting.key in kinds else setting
@@ -90,6 +86,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         for group in groups_of(module)
         for setting in group.declared
     )
+    tables = (table for module in modules for table in getattr(module, "TABLES", ()))
 
     def check(choices: Choices) -> Choices:
         with environment(choices.variables):
@@ -118,7 +115,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     return Experiment(
         "ncti-sweep",
         TITLE,
-        (*settings, *stages_of(modules), *collect_declared("TABLES")),
+        (*settings, *stages_of(modules), *tables),
         check=check,
         prepare=compile_loops,
         attributes=attributes,

@@ -23,13 +23,11 @@ from sweeps.engine.declare.settings import Run, Settings, count, draws, number, 
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Integers, Mask, read_in_blocks
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Indices, Integers, Mask, read_in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
 NAME = "acn"
-
-Indices = NDArray[np.intp]
 
 
 class Network(Settings, key="classifier", single="coordinate"):

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
 
 Mask = NDArray[np.bool_]
 Integers = NDArray[np.integer]
+Indices = NDArray[np.intp]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)

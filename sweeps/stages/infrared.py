@@ -303,7 +303,6 @@ image_window = OF_VIEWS.stage(
 detection_probability = OF_VIEWS.stage(
     Output("detection_probability", label="probability that a pixel of the ship is detected"),
     reads=OF_VIEW,
-    name="detection_probability",
     **BY_PLACE,
 )(DetectorView.detection_probability)
 
@@ -313,7 +312,6 @@ reconstruction_error = OF_VIEWS.stage(
         label="rms difference from the noiseless image of half the pixel, over the contrast",
     ),
     reads=OF_VIEW,
-    name="reconstruction_error",
     **BY_PLACE,
 )(DetectorView.reconstruction_error)
 

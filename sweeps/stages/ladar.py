@@ -42,8 +42,11 @@ ANYWHERE, CORNER = "random", "corner"  # places of the ship on the grid of IFOVs
 
 MODELS = ("projected_area", "lambertian")  # of reflection
 
-WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, views.INFRARED}}
-"""Classifiers for which covariances are stored, and the sensors that each needs."""
+WITH_MOMENTS: dict[str, set[str]] = {}
+"""Sensors that a classifier needs, by the names of those for which covariances are stored.
+
+The modules of these classifiers add them.
+"""
 
 
 class Ladar(Settings, key="ladar"):
