@@ -79,12 +79,11 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
     curve = [n for n in frame.down if n in (*frame.varying_axes, "classifier") and n != STORE]
     curve_rows = _matching_rows(rows, largest, curve)
     axis = main_axis(frame.where(curve_rows.index), swept)
-    varying = [name for name in frame.varying_axes if name not in (STORE, axis)]
+    others = [name for name in frame.varying_axes if name not in (STORE, axis, *curve)]
+    rows = _matching_rows(curve_rows if axis else rows, largest, others)
     if axis:
-        rows = _matching_rows(curve_rows, largest, [name for name in varying if name not in curve])
         down, keys = frame.columns[axis], rows[axis]
     else:
-        rows = _matching_rows(rows, largest, [name for name in varying if name not in curve])
         keys = pd.Series(
             [", ".join(_row_names(frame, row)) for _, row in rows.iterrows()], rows.index
         )

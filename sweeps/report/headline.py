@@ -99,13 +99,13 @@ def _score_sentence(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
     classifier = frame.columns["classifier"].text(row.classifier)
     name = f"{classifier} on {BY.get(row.channel, row.channel)}"
     start = f"Best of {len(rivals)}: {name}" if len(rivals) > 1 else name[0].upper() + name[1:]
-    first, *last = (_percent_text(frame, label) for label in _end_labels(best))
-    first_place, *last_places = (
-        _position_text(best, label, whole_words=not k) for k, label in enumerate(_end_labels(best))
-    )
-    ends = f"{first[0]} of {ships}{first_place}{first[1]}"
-    for (words, chance), place in zip(last, last_places, strict=True):
-        ends += f"{',' * bool(first[1])} and {words}{place}{chance}"
+    first, *last = _end_labels(best)
+    words, no_better = _percent_text(frame, first)
+    ends = f"{words} of {ships}{_position_text(best, first)}{no_better}"
+    for label in last:
+        words, remark = _percent_text(frame, label)
+        place = _position_text(best, label, whole_words=False)
+        ends += f"{',' * bool(no_better)} and {words}{place}{remark}"
     setting = ", ".join(f"{words} {value}" for words, value in settings_of(scores, best).items())
     sentence = f"{start} identifies {ends}{f' ({setting})' if setting else ''}"
     level = frame.column_of_role("chance", figure)
