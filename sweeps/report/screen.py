@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import os
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import IO
 
 from rich.console import Console
@@ -52,12 +51,6 @@ def _write_text(text: str, file: IO[str], encoding: str) -> None:
     with guarded_stdout():
         file.write(text)
         file.flush()
-
-
-def print_error(sentence: str) -> None:
-    """Print a sentence to stderr, ignoring errors."""
-    with suppress(OSError, ValueError, AttributeError):
-        print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
 
 
 def plain_text(text: str) -> Text:

@@ -103,3 +103,11 @@ def test_a_window_holds_every_ship_with_both_ends_free():
     ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) + 1e-6))
     with pytest.raises(ConfigurationError, match=r"to hold spruance and leave 8% free"):
         ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) - 1e-6))
+
+
+def test_classifiers_declare_that_covariances_are_stored_for_them(monkeypatch):
+    """As `docs/own_classifier.md` says; here correlation stands for a user's own."""
+    choices = choose(classifier__name="correlation")
+    assert not ladar.stores_moments(choices)
+    monkeypatch.setitem(ladar.WITH_MOMENTS, "correlation", {"range"})
+    assert ladar.stores_moments(choices)
