@@ -68,8 +68,8 @@ def quantity(
 class Sweep(Settings):
     """The sweep."""
 
-    sensor = set_of(  # of which other modules declare more, as `SENSOR`
-        word(RANGE, (RANGE, INFRARED, IRAR), label="sensors", fixed="it is a set"),
+    sensor = set_of(  # which other modules declare, as `SENSOR`
+        word(RANGE, (), label="sensors", fixed="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )
 
