@@ -109,7 +109,7 @@ def _add_second_axis(frame: Frame, axis: str) -> Frame:
 
 def _select_overall(frame: Frame) -> Frame:
     """Return a frame at the overall value of its axis across, if it has one."""
-    return frame.select({frame.across: OVERALL}) if frame.has_overall else frame
+    return frame.select(frame.across, OVERALL) if frame.has_overall else frame
 
 
 def _omission_notes(table: Table, frame: Frame, axis: str) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from ncti.evaluate.answers import DRAWS
 from ncti.ships.errors import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
@@ -28,8 +29,6 @@ from sweeps.report.words import (
     words_of,
 )
 
-# Dimensions of draws.
-DRAWS = ("replicate", "phase", "order", "draw")
 HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")
@@ -153,13 +152,10 @@ class Frame:
         }
         return replace(self, columns=columns)
 
-    def select(self, place: Mapping[str, Any]) -> Frame:
-        """Return the rows at some values of axes, including rows without a value there."""
-        mask = pd.Series(True, index=self.rows.index)
-        for name, value in place.items():
-            column = self.rows[name]
-            mask &= column.isna() | (column == value).fillna(False).astype(bool)
-        return self.where(mask)
+    def select(self, name: str, value: Any) -> Frame:
+        """Return the rows at a value of an axis, including rows without a value there."""
+        column = self.rows[name]
+        return self.where(column.isna() | (column == value).fillna(False).astype(bool))
 
 
 def frame(path: PathOrUrl, name: str) -> pd.DataFrame:

@@ -46,7 +46,7 @@ class Table:
     notes: tuple[str, ...]
 
 
-def ordered_axes(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
+def ordered_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
     """Return the varying axes in the order of rows, axes of words last.
 
     Among the others, swept axes come first, then declared ones.
@@ -228,7 +228,7 @@ def select_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
         if not values:
             continue
         axis = frame.columns[name].axis
-        labels = frame.select({name: preferred_value(axis, values)}).rows.index
+        labels = frame.select(name, preferred_value(axis, values)).rows.index
         other_parts = set(frame.rows[PART]) - set(frame.rows.loc[labels, PART])
         # Labels that distinguish parts, such as tests from training, select parts themselves.
         for part in (k for k in other_parts if name not in frame.parts[k].display.labels):

@@ -95,7 +95,7 @@ def failed_cells(store: Any) -> dict[str, str]:
     return dict(attributes(store).get("failures", {}))
 
 
-def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = ()) -> xr.Dataset:
+def nominal(dataset: xr.Dataset, *, keep: Iterable[str]) -> xr.Dataset:
     """Return a dataset at the preferred value of every axis, or else the first value.
 
     Dimensions in `keep`, and those of profiles and images, stay.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ncti import features
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
-from ncti.evaluate.answers import add_bin_attribute
+from ncti.evaluate.answers import VIEW, add_bin_attribute
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.map_vector import INNER_RADIUS, INTERPOLATION
 from ncti.features.map_vector import map_cells as cells
@@ -65,7 +65,7 @@ SENSOR = views.INFRARED
 OPENGL = ("osmesa", "egl")  # engines whose hits `ncti.render.mask` has, too
 # By its stages, when they are called; takes long.
 IMPORTS = ("ncti.infrared.cells", "scipy.ndimage")
-VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
+LOOK = ("range", "super_resolution", "frame_count")  # of its dimensions
 
 PLACE = "{} place on the target, the ship origin within a pixel"
 SEEN = ("range", "frame_count")  # axes of the sensor

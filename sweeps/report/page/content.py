@@ -9,8 +9,7 @@ from typing import Any
 
 from ncti.ships.errors import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.changes import change_sentences as changes
-from sweeps.report.changes import settings_sentence, settings_that_differ
+from sweeps.report.changes import change_sentences, settings_sentence, settings_that_differ
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_frame, read_predictions
@@ -71,7 +70,7 @@ def comparison_content(compared: Comparison) -> dict[str, Any]:
     return {
         "store": title,
         "about": {"title": "Comparison of sweeps"},
-        "headline": changes(compared),
+        "headline": change_sentences(compared),
         "accuracy": [settings_sentence(compared)],
         "states": [(name, state) for name, state in states if state.word != "complete"],
         "compared": compared.names,
