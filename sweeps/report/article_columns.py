@@ -47,22 +47,20 @@ OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns tha
 
 
 @lru_cache
-def _printed_figures(table: str) -> list[tuple[str, dict[str, Any], float]]:
-    """Return the figures of one of the article's tables as column, values of axes and number.
+def _printed_figures() -> dict[str, list[tuple[str, dict[str, Any], float]]]:
+    """Return the article's figures by table, as column, values of axes and number.
 
     Those that tables print beside a sweep's, as declared in YAML. Aspect bins are named by their
     lowest aspect [deg].
     """
     text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
-    printed = []
+    printed: dict[str, list[tuple[str, dict[str, Any], float]]] = {}
     for comparison in yaml.safe_load(text)["beside"]:
-        if comparison["table"] != table:
-            continue
         figures = article_figures()[comparison["of"]][comparison["figures"]]
         for axis_values, value in _iter_nested(figures, comparison["by"], comparison["at"]):
             column = comparison.get("column") or axis_values.pop("column").partition("_")[0]
             number = float(value) if isinstance(value, str) else value
-            printed.append((column, axis_values, number))
+            printed.setdefault(comparison["table"], []).append((column, axis_values, number))
     return printed
 
 
@@ -89,7 +87,7 @@ def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
         values_of = _article_values(part, attributes)
         if values_of is None:
             continue
-        printed = _printed_figures(part.display.source)
+        printed = _printed_figures().get(part.display.source, [])
         for label in frame.rows.index[frame.rows["part"] == number]:
             values = frame.records[label]
             row = {
