@@ -398,7 +398,7 @@ def check(choices: Choices) -> Choices:
     for method in choices[Infrared.segmentation]:
         if method != "matched" and find_spec("skimage") is None:
             needed = "matched without scikit-image: pip install 'ncti-sweep[segmentation]'"
-            views.refuse(Infrared.segmentation, method, needed)
+            refuse(Infrared.segmentation, method, needed)
     return choices
 
 
