@@ -13,7 +13,7 @@ import ncti.ships
 from benchmarks import engine, history, paper, skips, steps, views, waiting, workers
 from benchmarks.reports import Report, describe_machine, show, write_json
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.stages.views import cache_folder
+from sweeps.stages.meshes import cache_folder
 
 REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Report]]] = {
     "views": (

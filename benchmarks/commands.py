@@ -13,7 +13,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.schedule import Watch
 from sweeps.engine.sweeping import RunOptions
 from sweeps.engine.sweeping import sweep as sweep_plan
-from sweeps.stages.views import cache_folder
+from sweeps.stages.meshes import cache_folder
 
 PROGRAM = ("-m", "sweeps.app")
 CORES = 2

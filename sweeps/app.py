@@ -78,7 +78,7 @@ def make_command(*modules: Any) -> Command:
     raise_if_stopped()
     from sweeps.engine.command.line import Command
     from sweeps.experiment import EXPERIMENT, MODULES, assemble, remarks
-    from sweeps.report.places import report_paths
+    from sweeps.report.outputs import report_paths
 
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
@@ -93,13 +93,14 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     Raises SweepIncomplete if a foreign file is in the place of an output; all others are written.
     """
     from sweeps.engine.declare.errors import SweepIncomplete
-    from sweeps.report.own import blocked_sentence
+    from sweeps.report.outputs import blocked_sentence
     from sweeps.report.page.write import is_current
     from sweeps.report.screen import stdout_console
     from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
-    from sweeps.stages.views import Grid, hull, looks, read_mesh
+    from sweeps.stages.meshes import hull, read_mesh
+    from sweeps.stages.views import Grid, looks
 
     kept_files: list[Path] = []
     if finished.written:
@@ -117,7 +118,7 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
         ships = {str(ship): ship for ship in choices[Grid.ship]}
         with _reporting_errors():
             kept_files += write_pictures(
-                store, stdout_console(), ship=lambda label: read_mesh(hull.function(ships[label]))
+                store, stdout_console(), ship=lambda label: read_mesh(hull(ships[label]))
             )
     if kept_files:
         raise SweepIncomplete(blocked_sentence(list(dict.fromkeys(kept_files))))

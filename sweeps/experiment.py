@@ -3,8 +3,8 @@
 Modules come from `sweeps.stages` and from entry points of installed packages in the group
 `sweeps.modules`. A module declares groups of settings, and any of the following:
 
-- `STAGES` and `TABLES`: its stages, singly or in tuples, and its tables; the stages of a script
-  need no list
+- `TABLES`: its tables
+- `STAGES`: its stages, singly or in tuples; by default all that it imports or defines
 - `SENSOR` or `NAME`: its name, if it is a sensor or a classifier
 - `CONF`: a folder of configuration files, such as `experiment/mine.yaml`
 - `WORDS`: by setting, the attribute in which modules list the allowed words of the setting
@@ -31,7 +31,7 @@ from sweeps.engine.declare.kinds import Kind, SetOf, Word
 from sweeps.engine.declare.settings import Choices, Setting, Settings
 from sweeps.engine.declare.stage import Experiment, Stage
 from sweeps.engine.run.process import environment
-from sweeps.stages import views
+from sweeps.stages import meshes, views
 from sweeps.stages.classifier import Classifier
 from sweeps.stages.views import Grid, Render, Sweep
 
@@ -79,10 +79,6 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     `code` names further packages, besides this project's, whose code counts in the keys of results.
     """
-
-    def collect_declared(name: str) -> tuple[Any, ...]:
-        return tuple(value for module in modules for value in getattr(module, name, ()))
-
     kinds = _kinds(modules)
     settings = tuple(
         replace(setting, kind=kinds[setting.key]) if setting.key in kinds else setting
@@ -90,6 +86,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         for group in groups_of(module)
         for setting in group.declared
     )
+    tables = (table for module in modules for table in getattr(module, "TABLES", ()))
 
     def check(choices: Choices) -> Choices:
         with environment(choices.variables):
@@ -101,7 +98,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             return choices.replace(Render.engine, views.drawing_engines(choices))
 
     def attributes(choices: Choices) -> dict[str, Any]:
-        digests = {str(ship): views.hull.function(ship).digest for ship in choices[Grid.ship]}
+        digests = {str(ship): meshes.hull(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         nonempty = {label: words for label, words in transforms.items() if words}
         return {"mesh_digests": digests} | ({"mesh_transforms": nonempty} if nonempty else {})
@@ -118,7 +115,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     return Experiment(
         "ncti-sweep",
         TITLE,
-        (*settings, *stages_of(modules), *collect_declared("TABLES")),
+        (*settings, *stages_of(modules), *tables),
         check=check,
         prepare=compile_loops,
         attributes=attributes,
@@ -166,7 +163,7 @@ def groups_of(module: Any) -> tuple[type[Settings], ...]:
 
 
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
-    """Return the stages that some modules list as STAGES; the stages of a script need no list."""
+    """Return the stages that some modules list as STAGES, or else define or import."""
     listed = (getattr(module, "STAGES", vars(module).values()) for module in modules)
     values = (value for values_of_module in listed for value in values_of_module)
     tuples = (value if isinstance(value, tuple) else (value,) for value in values)

@@ -29,7 +29,7 @@ from docs._tables import (
     tolerances,
 )
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.stages.views import cache_folder
+from sweeps.stages.meshes import cache_folder
 
 Reports = Report | Mapping[str, Report]
 

@@ -24,7 +24,7 @@ from ncti.ladar.frames import averaged_frames
 from ncti.ladar.places import TEMPLATE_PLACES
 from ncti.render import LineImage, line_image
 from ncti.render.view import ROLL
-from sweeps.stages.views import cache_folder
+from sweeps.stages.meshes import cache_folder
 
 STEP = 1.5  # between learned aspects [deg]
 SEEDS, TESTS = 20, 40  # sets of tests, and tests of a ship in each

@@ -16,7 +16,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.sweeping import RunOptions
 from sweeps.experiment import EXPERIMENT
-from sweeps.stages.views import cache_folder
+from sweeps.stages.meshes import cache_folder
 
 WORKERS = ClusterChoice("local", workers=CORES)
 

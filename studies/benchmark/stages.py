@@ -50,9 +50,11 @@ from sweeps.engine.declare.stage import (
     plain,
     stage,
 )
-from sweeps.stages import views
+from sweeps.stages import meshes
+from sweeps.stages.meshes import Hull
+from sweeps.stages.refusals import refuse
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import SHAPES, Arrays, Floats, Grid, Hull, looks, refuse
+from sweeps.stages.views import SHAPES, Arrays, Floats, Grid, looks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -126,7 +128,7 @@ def learned_split(split: str) -> str:
 @plain()
 def unknown_hulls() -> tuple[Hull, ...]:
     """Return the sources of the ships absent from training."""
-    return tuple(views.hull.function(ShipName(name, name)) for name in OUTSIDERS.values())
+    return tuple(meshes.hull(ShipName(name, name)) for name in OUTSIDERS.values())
 
 
 # Coordinates of rows, attributes of their data set, and their profiles.

@@ -20,10 +20,12 @@ from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.stages import views
+from sweeps.stages.arguments import restore
 from sweeps.stages.infrared import Infrared, check_window
 from sweeps.stages.ladar import BEAM, FULL, Ladar, check_profiles, cnr_at_range
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.views import Arrays, Grid, Render, looks, refuse
+from sweeps.stages.refusals import refuse, require
+from sweeps.stages.views import Arrays, Grid, Render, looks
 
 if TYPE_CHECKING:
     import trimesh
@@ -128,7 +130,7 @@ def operate_signatures(
 ) -> Arrays:
     """Return expected profiles of a ship above the floor, and the power of its tests."""
     return library.signatures(
-        views.restore(Seen, operate_seen),
+        restore(Seen, operate_seen),
         pulse_width=pulse_width,
         cnr=[cnr_at_range.function(range, decibels, cnr_range, extinction) for decibels in cnr],
         bin_width=bin_width,
@@ -151,7 +153,7 @@ def operate_signatures(
 )
 def operate_shown(operate_seen: Arrays, **window: Any) -> Arrays:
     """Return the pixels that show a ship."""
-    return library.packed(library.silhouettes(views.restore(Seen, operate_seen), **window))
+    return library.packed(library.silhouettes(restore(Seen, operate_seen), **window))
 
 
 operate_silhouettes = in_memory(
@@ -228,18 +230,6 @@ CHEAPEST = Display(
         "setting of the sweep suffices.",
     ),
 )
-STAGES = (
-    operate_views,
-    operate_lines,
-    operate_footprint,
-    operate_seen,
-    operate_signatures,
-    operate_shown,
-    operate_silhouettes,
-    operate_trial,
-    identified,
-    operate_channels,
-)
 TABLES = (
     OPERATED.table(
         "operate", lambda *inputs: tables.tabulate_frames(expand_single_values(*inputs)), FRAMES
@@ -266,7 +256,7 @@ def check(choices: Choices) -> Choices:
     if not looks(SENSOR)(choices):
         return choices
     check_profiles(choices)
-    views.require(choices, Ladar.receiver, FULL, f"with the sensor {SENSOR}")
+    require(choices, Ladar.receiver, FULL, f"with the sensor {SENSOR}")
     for spread in choices[Infrared.sea_spread]:
         if {spread} != {*choices[Infrared.target_spread]}:
             reason = f"infrared.target_spread with the sensor {SENSOR}"

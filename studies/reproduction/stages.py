@@ -15,7 +15,8 @@ from studies import reproduction as library
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Run, Settings, count, draws
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate
-from sweeps.stages import views
+from sweeps.stages import meshes, views
+from sweeps.stages.refusals import refuse
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Arrays, Grid, looks
 
@@ -65,7 +66,7 @@ SETTINGS = Group(
     stream=Stream((Reproduce.setting,)),
 )
 def reproduced(
-    hulls: tuple[views.Hull, ...],
+    hulls: tuple[meshes.Hull, ...],
     aspect: tuple[float, ...],
     setting: int,
     draws: int,
@@ -85,7 +86,7 @@ def reproduced(
 
 @lru_cache(maxsize=KEPT)
 def _view(ship: str, aspect: float, depression: float) -> LineImage:
-    mesh = views.read_mesh(views.hull.function(ship_name(ship)))
+    mesh = meshes.read_mesh(meshes.hull(ship_name(ship)))
     return library.draw(mesh, aspect, depression)
 
 
@@ -111,13 +112,11 @@ def check(choices: Choices) -> Choices:
     if looks(SENSOR)(choices):
         ships, aspects = choices[Grid.ship], choices[Grid.aspect]
         if tuple(map(str, ships)) != article.SHIPS:
-            views.refuse(
-                Grid.ship, list(map(str, ships)), f"the article's {', '.join(article.SHIPS)}"
-            )
+            refuse(Grid.ship, list(map(str, ships)), f"the article's {', '.join(article.SHIPS)}")
         try:
             article.figures(aspects)
         except ValueError as error:
-            views.refuse(Grid.aspect, list(aspects), f"such that {error}")
+            refuse(Grid.aspect, list(aspects), f"such that {error}")
     return choices
 
 
@@ -214,11 +213,6 @@ def _labelled_columns(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.D
 
 
 _shown = partial(Figure, format=".0f")
-STAGES = (
-    reproduced,
-    parameter_names,
-    figure_names,
-)
 TABLES = (
     SETTINGS.table(
         "reproduction",

@@ -33,10 +33,12 @@ from sweeps.engine.declare.stage import (
     stage,
 )
 from sweeps.stages import views
+from sweeps.stages.arguments import Keywords, keywords, restore
 from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.correlation import match_views
 from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Ladar, check_profiles, check_pulses
-from sweeps.stages.views import Arrays, Floats, Grid, Keywords, Render, looks, refuse
+from sweeps.stages.refusals import refuse, require
+from sweeps.stages.views import Arrays, Floats, Grid, Render, looks
 
 if TYPE_CHECKING:
     import trimesh
@@ -86,7 +88,7 @@ def exact_extent(mesh: trimesh.Trimesh, **view: Any) -> Arrays:
 @in_memory()
 def exact_ifovs(exact_extent: Arrays) -> RangeExtent:
     """Return the exact extent as a `RangeExtent`."""
-    return views.restore(RangeExtent.unpacked, exact_extent)
+    return restore(RangeExtent.unpacked, exact_extent)
 
 
 exact_signature = stage(
@@ -112,8 +114,8 @@ def profile_noise(
 # Samplings
 
 
-timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(views.keywords)
-timed_beam = plain(reads=BINNED, name="timed_beam")(views.keywords)
+timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(keywords)
+timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
 
 
 @in_memory()
@@ -248,7 +250,7 @@ def check(choices: Choices) -> Choices:
         return choices
     check_profiles(choices)
     reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
-    views.require(choices, Render.tolerance, None, reason)
+    require(choices, Render.tolerance, None, reason)
     window, widest_bin = choices.value(Ladar.window), max(choices[RunTime.bin_width])
     if window < 10 * widest_bin:
         refuse(RunTime.bin_width, widest_bin, f"at most a tenth of ladar.window, {window:g} m")
@@ -343,18 +345,6 @@ def figure_at_target(figure: Floats, error: Floats) -> float:
     return float(np.exp(np.interp(np.log(TARGET), x, y)))
 
 
-STAGES = (
-    exact_extent,
-    exact_ifovs,
-    exact_signature,
-    profile_noise,
-    timed_view,
-    timed_beam,
-    timed_image,
-    sampled,
-    timed,
-    changed,
-)
 TABLES = (
     TIMED.table("run_time", tabulate_nominal),
     TIMED.table("run_time_cost", tabulate_cost),

@@ -28,7 +28,8 @@ from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
 from sweeps.stages.ladar import Ladar, check_profiles
 from sweeps.stages.likelihood import Likelihood
-from sweeps.stages.views import Arrays, Grid, Render, Scene, looks, quantity, refuse
+from sweeps.stages.refusals import refuse, require
+from sweeps.stages.views import Arrays, Grid, Render, Scene, looks, quantity
 
 if TYPE_CHECKING:
     import trimesh
@@ -277,8 +278,8 @@ def check(choices: Choices) -> Choices:
     if {*choices[Ladar.ifov], *choices[Infrared.ifov]} != {choices[Ladar.ifov][0]}:
         reason = f"with the sensor {SENSOR}: both sensors look through one aperture"
         refuse(Infrared.ifov, max(choices[Infrared.ifov]), f"one number, of ladar.ifov, {reason}")
-    views.require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
-    views.require(choices, Ladar.reflectance, "projected_area", f"with the sensor {SENSOR}")
+    require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
+    require(choices, Ladar.reflectance, "projected_area", f"with the sensor {SENSOR}")
     far = Grid.range.in_si(max(choices[Grid.range])) * (1 + max(choices[Scan.depth]))
     most, pulses = most_pulses(far), max(choices[Scan.pulse_rate])
     if pulses > most:
@@ -403,23 +404,5 @@ DISPLAY = Display(
         "rejection threshold. Frames are those of the laser radar; in an exhaustive search it "
         "takes as many at every place of the field.",
     ),
-)
-STAGES = (
-    scan_names,
-    scan_edges,
-    field,
-    survey,
-    scan_target,
-    scan_decoy,
-    targets,
-    scan_imager,
-    detected,
-    laser,
-    rates,
-    moments,
-    templates,
-    known,
-    visited,
-    outcome,
 )
 TABLES = (FIELD.table("scan", tabulate, DISPLAY),)

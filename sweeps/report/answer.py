@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from sweeps.report.contest import Rival, find_rivals, main_axis
 from sweeps.report.frames import Frame, values_of
 from sweeps.report.headline import settings_of
 from sweeps.report.pivot import Entry, Line, Table, lay_out, make_entry, select_main
 from sweeps.report.terminal import count_fitting_columns
-from sweeps.report.words import MAIN
+from sweeps.report.words import OVERALL
 
 MOST_ROWS, MOST_ACROSS, WIDEST = 12, 6, 80
 
@@ -22,6 +21,8 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
     Several classifiers are columns, the best first, or rows without an axis. For one classifier,
     and for other results, the figures are columns.
     """
+    columns = {name: col for name, col in frame.columns.items() if col.role != "article"}
+    frame = replace(frame, columns=columns)
     axis, width = main_axis(frame, swept), min(width, WIDEST)
     rivals = find_rivals(frame, axis)
     if len(rivals) < 2:
@@ -69,7 +70,7 @@ def _axis_table(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
         Line(
             (value,),
             (column.text(value),),
-            tuple(_main_entry(frame, by_value.get(value)) for by_value in labels),
+            tuple(make_entry(frame, by_value.get(value), frame.figures[0]) for by_value in labels),
         )
         for value in values
     ]
@@ -88,21 +89,13 @@ def _rival_table(frame: Frame, rivals: Sequence[Rival]) -> Table:
     table = lay_out(_select_overall(select_main(frame, names)).keep_axes([*names, frame.across]))
     by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
     lines = [replace(by_name[r.name], keys=(r.name,)) for r in rivals if r.name in by_name]
-    return replace(_drop_article(table, lines), down=(column,))
+    return replace(table, lines=tuple(lines), down=(column,), notes=())
 
 
 def _figure_table(frame: Frame, axis: str) -> Table:
     """Return the figures by an axis, or the main one by the axis across."""
     overall = _select_overall(select_main(frame, [axis] * bool(axis)))
-    table = lay_out(overall.keep_axes([axis, overall.across]))
-    return _drop_article(table, table.lines)
-
-
-def _drop_article(table: Table, lines: Sequence[Line]) -> Table:
-    """Return a table with these lines, without notes and the article's figures."""
-    cells = [tuple(replace(cell, article="") for cell in line.cells) for line in lines]
-    lines = [replace(line, cells=entries) for line, entries in zip(lines, cells, strict=True)]
-    return replace(table, lines=tuple(lines), notes=())
+    return replace(lay_out(overall.keep_axes([axis, overall.across])), notes=())
 
 
 def _add_second_axis(frame: Frame, axis: str) -> Frame:
@@ -116,10 +109,7 @@ def _add_second_axis(frame: Frame, axis: str) -> Frame:
 
 def _select_overall(frame: Frame) -> Frame:
     """Return a frame at the overall value of its axis across, if it has one."""
-    overall = MAIN["aspect_bin"]
-    if not frame.across or not (frame.rows[frame.across] == overall).any():
-        return frame
-    return frame.select({frame.across: overall})
+    return frame.select(frame.across, OVERALL) if frame.has_overall else frame
 
 
 def _omission_notes(table: Table, frame: Frame, axis: str) -> list[str]:
@@ -136,28 +126,22 @@ def _narrow_table(table: Table, width: int) -> tuple[Table, str]:
     """Return a table cut to a width, dropping intervals, then last columns; and a note on it."""
     if count_fitting_columns(table, width) == len(table.heads):
         return table, ""
-    cells = [tuple(Entry(cell.text) for cell in line.cells) for line in table.lines]
-    lines = [replace(line, cells=entries) for line, entries in zip(table.lines, cells, strict=True)]
-    without_intervals = replace(table, lines=tuple(lines))
-    count = count_fitting_columns(without_intervals, width)
+    lines = [
+        replace(line, cells=tuple(Entry(cell.text) for cell in line.cells)) for line in table.lines
+    ]
+    count = count_fitting_columns(replace(table, lines=tuple(lines)), width)
     lines = [replace(line, cells=line.cells[:count]) for line in lines]
     dropped = len(table.heads) - count
-    intervals = (
-        "Intervals" if any(cell.interval for line in table.lines for cell in line.cells) else ""
-    )
+    has_intervals = any(cell.interval for line in table.lines for cell in line.cells)
+    intervals = "Intervals" if has_intervals else ""
     columns = f"{dropped} more column{'s' * (dropped > 1)}" if dropped else ""
     omitted = " and ".join(filter(None, [intervals, columns]))
     verb = "is" if omitted.startswith("1 ") else "are"
-    return replace(without_intervals, heads=table.heads[:count], lines=tuple(lines)), (
-        f"{omitted} {verb} in {table.name}.csv." if omitted else ""
-    )
-
-
-def _main_entry(frame: Frame, label: Any) -> Entry:
-    return replace(make_entry(frame, label, frame.figures[0]), article="")
+    note = f"{omitted} {verb} in {table.name}.csv." if omitted else ""
+    return replace(table, heads=table.heads[:count], lines=tuple(lines)), note
 
 
 def _rival_text(frame: Frame, rival: Rival) -> str:
     """Return the main figure of a rival with its interval."""
-    cell = _main_entry(frame, rival.frame.rows.index[0])
+    cell = make_entry(frame, rival.frame.rows.index[0], frame.figures[0])
     return f"{cell.text} [{cell.interval}]" if cell.interval else cell.text

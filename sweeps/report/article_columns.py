@@ -47,29 +47,21 @@ OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns tha
 
 
 @lru_cache
-def _read_comparisons() -> list[dict[str, Any]]:
-    """Return the article's figures that tables print beside a sweep's, as declared in YAML."""
-    text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
-    comparisons: list[dict[str, Any]] = yaml.safe_load(text)["beside"]
-    return comparisons
+def _printed_figures() -> dict[str, list[tuple[str, dict[str, Any], float]]]:
+    """Return the article's figures by table, as column, values of axes and number.
 
-
-def iter_article_figures() -> Iterator[tuple[str, str, dict[str, Any], float]]:
-    """Yield the article's figures as table, column, values of axes and number.
-
-    Aspect bins are named by their lowest aspect [deg].
+    Those that tables print beside a sweep's, as declared in YAML. Aspect bins are named by their
+    lowest aspect [deg].
     """
-    source = article_figures()
-    for comparison in _read_comparisons():
-        figures = source[comparison["of"]][comparison["figures"]]
+    text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
+    printed: dict[str, list[tuple[str, dict[str, Any], float]]] = {}
+    for comparison in yaml.safe_load(text)["beside"]:
+        figures = article_figures()[comparison["of"]][comparison["figures"]]
         for axis_values, value in _iter_nested(figures, comparison["by"], comparison["at"]):
             column = comparison.get("column") or axis_values.pop("column").partition("_")[0]
-            yield (
-                comparison["table"],
-                column,
-                axis_values,
-                float(value) if isinstance(value, str) else value,
-            )
+            number = float(value) if isinstance(value, str) else value
+            printed.setdefault(comparison["table"], []).append((column, axis_values, number))
+    return printed
 
 
 def _iter_nested(
@@ -87,7 +79,7 @@ def _iter_nested(
 def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
     frame = _add_bound(_add_total_frames(frame))
-    axes = {frame.columns[name].axis: name for name in frame.columns_of_role("axis")}
+    axes = frame.names_by_axis
     article_numbers: dict[str, dict[Any, float]] = {
         name: {} for name in frame.columns_of_role("figure")
     }
@@ -95,7 +87,7 @@ def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
         values_of = _article_values(part, attributes)
         if values_of is None:
             continue
-        printed = [row for row in iter_article_figures() if row[0] == part.display.source]
+        printed = _printed_figures().get(part.display.source, [])
         for label in frame.rows.index[frame.rows["part"] == number]:
             values = frame.records[label]
             row = {
@@ -105,7 +97,7 @@ def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
                 continue
             row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
             row["bin"] = _bin_start(str(row.get("aspect_bin")))
-            for _, figure, axis_values, value in printed:
+            for figure, axis_values, value in printed:
                 if figure in article_numbers and all(
                     row.get(name) == value for name, value in axis_values.items()
                 ):
@@ -187,7 +179,7 @@ def _add_column(frame: Frame, figure: str, name: str, role: str, values: pd.Seri
 
 def _add_total_frames(frame: Frame) -> Frame:
     """Return a frame with the number of frames of an image over all detector positions."""
-    axes = {frame.columns[name].axis: name for name in frame.columns_of_role("axis")}
+    axes = frame.names_by_axis
     if "super_resolution" not in axes:
         return frame
     counts = frame.rows[axes.get("infrared_frame_count", axes["frame_count"])]

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from ncti.ships.errors import printable
 from sweeps.report.answer import thin_lines
 from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
 from sweeps.report.contest import SHIP, is_test, main_axis
@@ -17,7 +18,7 @@ from sweeps.report.page.provenance import iter_settings, values_in_words
 from sweeps.report.pairs import LEVEL
 from sweeps.report.pivot import Entry, Line, Table, make_entry
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import MAIN, is_missing, printable_text
+from sweeps.report.words import OVERALL, is_missing
 
 MOST_LINES, MOST_LISTED = 10, 3
 ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
@@ -43,7 +44,7 @@ def change_sentences(compared: Comparison) -> list[str]:
         interval = f" [{changed.interval}]" if changed.interval else ""
         course += f", {changed.text} {column.unit}".rstrip() + interval
     if frame.name != NAME:
-        table = printable_text(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
+        table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
             f"Of {table}, {subject} changed most{suffix}: {course}.",
             "Without intervals it is not known whether chance alone would do so.",
@@ -75,15 +76,14 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
     frame = next(iter(compared.frames.values()))
     _, largest = _largest_row(frame)
     figure, rows = frame.figures[0], _overall_rows(frame)
-    curve = [name for name in _curve_axes(frame) if name != STORE]
+    curve = [n for n in frame.down if n in (*frame.varying_axes, "classifier") and n != STORE]
     curve_rows = _matching_rows(rows, largest, curve)
     axis = main_axis(frame.where(curve_rows.index), swept)
-    varying = [name for name in frame.varying_axes if name not in (STORE, axis)]
+    others = [name for name in frame.varying_axes if name not in (STORE, axis, *curve)]
+    rows = _matching_rows(curve_rows if axis else rows, largest, others)
     if axis:
-        rows = _matching_rows(curve_rows, largest, [name for name in varying if name not in curve])
         down, keys = frame.columns[axis], rows[axis]
     else:
-        rows = _matching_rows(rows, largest, [name for name in varying if name not in curve])
         keys = pd.Series(
             [", ".join(_row_names(frame, row)) for _, row in rows.iterrows()], rows.index
         )
@@ -161,7 +161,7 @@ def ships_that_differ(compared: Comparison) -> list[str]:
         transforms = attrs.get("mesh_transforms", {})
         for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
-    return [printable_text(name) for name, digests in meshes.items() if len(digests) > 1]
+    return [printable(name) for name, digests in meshes.items() if len(digests) > 1]
 
 
 def _abbreviate(listed: Sequence[str]) -> str:
@@ -187,9 +187,8 @@ def _overall_rows(frame: Frame) -> pd.DataFrame:
     """Return the rows of differences over all aspects, of tests where there are any."""
     ends = [_end_column(frame, end) for end in (FIRST, SECOND)]
     rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
-    overall = MAIN["aspect_bin"]
-    if frame.across and (rows[frame.across] == overall).any():
-        rows = rows[rows[frame.across] == overall]
+    if frame.where(rows.index).has_overall:
+        rows = rows[rows[frame.across] == OVERALL]
     if "kind" in rows and (tests := rows.kind.map(is_test)).any():
         rows = rows[tests]
     return rows
@@ -219,10 +218,6 @@ def _matching_rows(rows: pd.DataFrame, reference: pd.Series, names: Sequence[str
     return rows
 
 
-def _curve_axes(frame: Frame) -> list[str]:
-    return [name for name in frame.down if name in frame.varying_axes or name in ("classifier",)]
-
-
 def _row_names(frame: Frame, row: pd.Series) -> list[str]:
     """Return the words that identify a row, such as its classifier and sensor."""
     names = [n for n in frame.down if n != STORE and frame.rows[n].dtype == object]
@@ -235,7 +230,7 @@ def _row_setting(frame: Frame, row: pd.Series, *, but: str = "") -> str:
     """Return the setting of a row: its values of the axes that vary between rows."""
     words = [n for n in frame.down if frame.rows[n].dtype == object]
     names = [n for n in frame.varying_axes if n not in (*words, but, STORE, "kind")]
-    names = [n for n in names if not is_missing(row[n]) and row[n] != MAIN["aspect_bin"]]
+    names = [n for n in names if not is_missing(row[n]) and row[n] != OVERALL]
     return ", ".join(frame.columns[name].in_words(row[name]) for name in names)
 
 

@@ -21,12 +21,11 @@ def main() -> None:
 
     relax_gc()
     arguments = _parser().parse_intermixed_args()  # `a.zarr --html b.zarr`, too
-    from sweeps.engine.run.process import flush_output
-    from sweeps.report.screen import print_error
+    from sweeps.engine.run.process import flush_output, say
 
     status = _run(arguments)
     if fault := flush_output():
-        print_error(f"tables cannot be printed: {fault}")
+        say(NAME, f"tables cannot be printed: {fault}")
         status = status or 1
     if status:
         sys.exit(status)
@@ -43,9 +42,10 @@ def _run(arguments: argparse.Namespace) -> int:
     """Print and write the requested tables; return the exit status."""
     # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.declare.errors import ConfigurationError
-    from sweeps.report.own import blocked_sentence
+    from sweeps.engine.run.process import say
+    from sweeps.report.outputs import blocked_sentence
     from sweeps.report.pictures import write_pictures
-    from sweeps.report.screen import print_error, stdout_console
+    from sweeps.report.screen import stdout_console
     from sweeps.report.summary import report, report_comparison
 
     console = stdout_console()
@@ -61,13 +61,13 @@ def _run(arguments: argparse.Namespace) -> int:
         if arguments.pictures:
             blocked += write_pictures(path, console)
     except ConfigurationError as error:
-        print_error(str(error))
+        say(NAME, str(error))
         return 2
     except OSError as error:
-        print_error(f"tables are not written: {error}")
+        say(NAME, f"tables are not written: {error}")
         return 2
     if blocked:
-        print_error(blocked_sentence(blocked))
+        say(NAME, blocked_sentence(blocked))
     return 1 if blocked else 0
 
 

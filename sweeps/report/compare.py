@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from ncti.ships.errors import printable
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
@@ -26,7 +27,6 @@ from sweeps.report.frames import (
 )
 from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, pair_answers
 from sweeps.report.stores import list_groups, opened
-from sweeps.report.words import printable_text
 
 NAME, STORE = "differences", "store"
 FIRST, SECOND = "first", "second"
@@ -174,7 +174,7 @@ def store_names(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
         if resolved.count(path) > 1:
             raise ConfigurationError(f"{str(path)!r} is given twice; give two different stores")
     for count in range(1, max(len(store.parts) for store in stores) + 1):
-        names = tuple(printable_text("/".join(store.parts[-count:])) for store in stores)
+        names = tuple(printable("/".join(store.parts[-count:])) for store in stores)
         if len(set(names)) == len(names):
             break
     return names

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from ncti.evaluate.answers import DRAWS
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.report.frames import DRAWS, Frame, stack_frames, tidy_frame
+from sweeps.report.frames import Frame, stack_frames, tidy_frame
 from sweeps.report.stores import list_groups, read_group
 
 NAME = "confusion"

@@ -94,9 +94,8 @@ def find_rivals(frame: Frame, axis: str) -> list[Rival]:
     figure, names = frame.figures[0], _name_columns(frame, axis)
     main = select_main(frame, [*names, *[axis] * bool(axis)])
     if across := main.across:
-        main = main.select(
-            {across: preferred_value(main.columns[across].axis, values_of(main.rows, across))}
-        )
+        first = preferred_value(main.columns[across].axis, values_of(main.rows, across))
+        main = main.select(across, first)
     main = main.where(main.rows[figure].notna())
     if "scored" in names and (main.rows.scored == SHIP).any():
         main = main.where(main.rows.scored == SHIP)

@@ -11,8 +11,7 @@ from typing import Any
 
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import PART, Frame
-from sweeps.report.own import write_own_files
-from sweeps.report.places import tables_folder
+from sweeps.report.outputs import tables_folder, write_own_files
 from sweeps.report.words import is_missing
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets

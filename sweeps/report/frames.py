@@ -11,23 +11,24 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from ncti.evaluate.answers import DRAWS
+from ncti.ships.errors import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.report.article_columns import add_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, list_groups, opened, read_group, refusal
 from sweeps.report.words import (
+    OVERALL,
     UNITS,
     WORDED,
     WORDS,
     file_name,
-    printable_text,
+    is_number,
     unit_of,
     value_text,
     words_of,
 )
 
-# Dimensions of draws.
-DRAWS = ("replicate", "phase", "order", "draw")
 HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")
@@ -107,10 +108,23 @@ class Frame:
             if column.role == role and (not figure or column.axis == figure)
         ]
 
+    def column_of_role(self, role: str, figure: str) -> str:
+        """Return the name of the first column of a role of a figure; empty if there is none."""
+        return next(iter(self.columns_of_role(role, figure)), "")
+
+    def related_columns(self, figure: str) -> dict[str, str]:
+        """Return the columns of a figure's interval and level of chance, by role; empty: none."""
+        return {role: self.column_of_role(role, figure) for role in ("low", "high", "chance")}
+
     @property
     def figures(self) -> list[str]:
         """Return names of the columns of figures that are listed, the main one first."""
         return [name for name in self.columns_of_role("figure") if self.columns[name].listed]
+
+    @property
+    def names_by_axis(self) -> dict[str, str]:
+        """Names of the columns of axes, by the names of the axes."""
+        return {self.columns[name].axis: name for name in self.columns_of_role("axis")}
 
     @cached_property
     def varying_axes(self) -> list[str]:
@@ -121,6 +135,11 @@ class Frame:
     def records(self) -> dict[Any, dict[str, Any]]:
         """Values of every row by column, by the row's label; quicker than looking rows up."""
         return self.rows.to_dict("index")
+
+    @property
+    def has_overall(self) -> bool:
+        """Whether the axis across has an overall value, beside bins of aspects."""
+        return bool(self.across) and bool((self.rows[self.across] == OVERALL).any())
 
     def where(self, rows: Any) -> Frame:
         """Return the frame with some of its rows."""
@@ -133,13 +152,10 @@ class Frame:
         }
         return replace(self, columns=columns)
 
-    def select(self, place: Mapping[str, Any]) -> Frame:
-        """Return the rows at some values of axes, including rows without a value there."""
-        mask = pd.Series(True, index=self.rows.index)
-        for name, value in place.items():
-            column = self.rows[name]
-            mask &= column.isna() | (column == value).fillna(False).astype(bool)
-        return self.where(mask)
+    def select(self, name: str, value: Any) -> Frame:
+        """Return the rows at a value of an axis, including rows without a value there."""
+        column = self.rows[name]
+        return self.where(column.isna() | (column == value).fillna(False).astype(bool))
 
 
 def frame(path: PathOrUrl, name: str) -> pd.DataFrame:
@@ -281,15 +297,15 @@ def _columns_of_figures(
             column = Column(
                 name,
                 main.column,
-                printable_text(name.replace("_", " ")),
+                printable(name.replace("_", " ")),
                 "%" if is_percent else unit_of(str(attrs.get("units", "1"))),
-                printable_text(str(attrs.get("long_name", ""))),
+                printable(str(attrs.get("long_name", ""))),
                 role,
                 main.format,
                 main.listed,
                 TENTHS if is_percent else main.digits,
                 100 if is_percent else 1,
-                printable_text(str(attrs.get("infinite", "inf"))),
+                printable(str(attrs.get("infinite", "inf"))),
             )
             columns[name] = variable, column
     return columns
@@ -299,7 +315,7 @@ def column_of_axis(data: xr.Dataset, name: str) -> Column:
     """Return the column of an axis, with the label and unit of its setting."""
     attrs = data[name].attrs
     units = str(attrs.get("units", UNITS.get(name, "1")))
-    meaning = printable_text(str(attrs.get("long_name", "")))
+    meaning = printable(str(attrs.get("long_name", "")))
     return Column(file_name(name, units), name, words_of(name), unit_of(units), meaning)
 
 
@@ -362,6 +378,6 @@ def stack_frames(parts: Sequence[Frame]) -> Frame:
 def values_of(rows: pd.DataFrame, name: str) -> list[Any]:
     """Return the values of an axis in some rows, numbers in ascending order."""
     values = rows[name].dropna().unique().tolist()
-    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+    if all(map(is_number, values)):
         values.sort()
     return values

@@ -13,7 +13,7 @@ from sweeps.report.contest import SCORES, UNTESTED, Rival, find_rivals, main_axi
 from sweeps.report.frames import Column, Frame
 from sweeps.report.pivot import FEW, constant_values, make_entry
 from sweeps.report.stores import ERRORS
-from sweeps.report.words import MAIN, SIMPLEST, is_missing
+from sweeps.report.words import OVERALL, SIMPLEST, is_missing
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame count", "aspects")
@@ -28,7 +28,7 @@ BY = {"range": "range profiles", "infrared": "silhouettes", "both": "both sensor
 def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list[str]:
     """Return sentences on the main result of a store, each with its setting."""
     frame = main_frame(frames)
-    axis = main_axis(frame, list(attributes.get("swept", ())))
+    axis = main_axis(frame, attributes.get("swept", ()))
     rivals = find_rivals(frame, axis)
     if not rivals:
         score = SCORES in frames
@@ -61,11 +61,7 @@ def headline_for_script(
         return None
     frame = main_frame(frames)
     figure, axes = frame.figures[0], frame.columns_of_role("axis")
-    beside = {
-        role: next(iter(frame.columns_of_role(role, figure)), "")
-        for role in ("low", "high", "chance")
-    }
-    return beside | {
+    return frame.related_columns(figure) | {
         "table": SCORES,
         "figure": figure,
         "ships": ships_in_words(attributes),
@@ -74,7 +70,7 @@ def headline_for_script(
         "settings": _setting_columns(frame),
         "simplest": SIMPLEST,
         "untested": UNTESTED,
-        "overall": MAIN["aspect_bin"],
+        "overall": OVERALL,
         "few": FEW,
     }
 
@@ -103,17 +99,17 @@ def _score_sentence(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
     classifier = frame.columns["classifier"].text(row.classifier)
     name = f"{classifier} on {BY.get(row.channel, row.channel)}"
     start = f"Best of {len(rivals)}: {name}" if len(rivals) > 1 else name[0].upper() + name[1:]
-    first, *last = (_percent_text(frame, label) for label in _end_labels(best))
-    first_place, *last_places = (
-        _position_text(best, label, whole_words=not k) for k, label in enumerate(_end_labels(best))
-    )
-    ends = f"{first[0]} of {ships}{first_place}{first[1]}"
-    for (words, chance), place in zip(last, last_places, strict=True):
-        ends += f"{',' * bool(first[1])} and {words}{place}{chance}"
+    first, *last = _end_labels(best)
+    words, no_better = _percent_text(frame, first)
+    ends = f"{words} of {ships}{_position_text(best, first)}{no_better}"
+    for label in last:
+        words, remark = _percent_text(frame, label)
+        place = _position_text(best, label, whole_words=False)
+        ends += f"{',' * bool(no_better)} and {words}{place}{remark}"
     setting = ", ".join(f"{words} {value}" for words, value in settings_of(scores, best).items())
     sentence = f"{start} identifies {ends}{f' ({setting})' if setting else ''}"
-    levels = frame.columns_of_role("chance", figure)
-    sentence += f"; chance {row[levels[0]]:.0f} %." if levels else "."
+    level = frame.column_of_role("chance", figure)
+    sentence += f"; chance {row[level]:.0f} %." if level else "."
     sentence += _ranking_sentence(rivals)
     least = frame.rows["n"].min() if "n" in frame.rows else FEW
     if least < FEW:
@@ -154,9 +150,9 @@ def _figure_sentence(table: Frame, rival: Rival) -> str:
     else:
         words, no_better = _percent_text(frame, ends[0])
         clause = f"{name} is {words}{_position_text(rival, ends[0])}{no_better}"
-    levels = frame.columns_of_role("chance", column.name)
-    level = f"; chance {row[levels[0]]:.0f} %" if levels else ""
-    return f"{', '.join([clause, *settings])}{level}."
+    level = frame.column_of_role("chance", column.name)
+    chance = f"; chance {row[level]:.0f} %" if level else ""
+    return f"{', '.join([clause, *settings])}{chance}."
 
 
 def _describe_course(rival: Rival, column: Column) -> str:
@@ -232,9 +228,9 @@ def _percent_text(frame: Frame, label: Any) -> tuple[str, str]:
     figure = frame.columns[frame.figures[0]]
     cell, row = make_entry(frame, label, figure.name), frame.rows.loc[label]
     words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
-    low, chance = (frame.columns_of_role(role, figure.name) for role in ("low", "chance"))
-    known = low and chance and not is_missing(row[low[0]]) and not is_missing(row[chance[0]])
-    doubtful = known and row[low[0]] <= row[chance[0]]
+    low, chance = (frame.column_of_role(role, figure.name) for role in ("low", "chance"))
+    known = low and chance and not is_missing(row[low]) and not is_missing(row[chance])
+    doubtful = known and row[low] <= row[chance]
     return " ".join(word for word in words if word), NO_BETTER if doubtful else ""
 
 

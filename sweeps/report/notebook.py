@@ -85,7 +85,7 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
         raise ValueError(f"colour is {colour!r}, but must differ from x")
     frame = tidy_frame(table, display, "")
     assert frame is not None  # it has its figure
-    by_axis = {column.axis: name for name, column in frame.columns.items() if column.role == "axis"}
+    by_axis = frame.names_by_axis
     content = chart_content(
         {NAME: frame}, [x], "", along=by_axis[x], colour=by_axis.get(colour, "")
     )

@@ -24,7 +24,6 @@ ANSWERS = {
     "training_accuracy": "training_correct",
 }
 """Variables of answers by those of their scores."""
-MARKED = ("range_profile", "infrared")  # groups that say which aspects are learned
 LEVEL = 0.05  # family-wise error rate
 
 
@@ -123,7 +122,8 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
     store = opened(path)
     group = part.group.replace("tables/", "classification/", 1)
     answers = read_group(store, group)[ANSWERS[part.display.figures[0].variable]].load()
-    attrs, marked = attributes(store), [group for group in MARKED if group in list_groups(store)]
+    attrs = attributes(store)
+    marked = [group for group in list_groups(store) if "learned" in store[group]]  # of sensors
     if not marked:
         return answers
     learned = read_group(store, marked[0])["learned"].load().reset_coords(drop=True)

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
+from ncti.ships.errors import printable
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.confusion import most_confused
-from sweeps.report.own import write_own_files
-from sweeps.report.places import tables_folder
+from sweeps.report.outputs import tables_folder, write_own_files
 from sweeps.report.screen import buffered_console, print_line
 from sweeps.report.stores import attributes, error_reason, list_groups, nominal, opened, read_group
-from sweeps.report.words import printable_text, unit_of
+from sweeps.report.words import unit_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -39,7 +39,6 @@ SCALE = 50.0  # m, drawn below its images
 STEP = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS, CONFUSED = "ships", "classification"  # groups
-PICTURED = ("range_profile", "infrared")  # groups with pictures of each view
 Floats = NDArray[np.float64]
 
 MEASURES = ("length", "beam", "height", "facets")
@@ -82,9 +81,9 @@ def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title
         axes.plot(profile.down_range, height, lw=1.1)
         anchor = profile.down_range[-1].item(), 0.15 - STEP * index
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-        words = printable_text(label.format(value))
+        words = printable(label.format(value))
         axes.annotate(words, anchor, ha="right", fontsize=SMALL, bbox=behind)  # noise may cross it
-    axes.set(title=printable_text(title), yticks=[], xlabel="down-range from the ship origin [m]")
+    axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
 
 
@@ -126,10 +125,10 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
             box = {"facecolor": "black", "edgecolor": "none", "alpha": 0.5, "pad": 1.5}
             text(span, (start + width - gap, top - gap), color="w", ha="right", bbox=box)
     for k, way in enumerate(ways):
-        text(f"super-resolution: {printable_text(str(way))}", (k * (width + gap) + width / 2, gap))
+        text(f"super-resolution: {printable(str(way))}", (k * (width + gap) + width / 2, gap))
     axes.plot([0.0, SCALE], [-size[1] + margin] * 2, color="k", lw=2)
     aspect, frames = float(view.aspect), int(view.frame_count)
-    words = f"{SCALE:g} m; {printable_text(str(ship))}, aspect {aspect:g}°, {frames} frames; "
+    words = f"{SCALE:g} m; {printable(str(ship))}, aspect {aspect:g}°, {frames} frames; "
     words += "below each image its log-polar map, radius over angle"
     text(words, (SCALE + gap, -size[1] + margin), ha="left")
     axes.set(xlim=(gap - margin, size[0] - margin), ylim=(margin - gap - size[1], margin - gap))
@@ -157,17 +156,14 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
     from matplotlib.figure import Figure
 
     root = opened(store)
-    rows = [name for name in PICTURED if name in list_groups(root)]
+    rows = [group for group in PICTURED if group in list_groups(root)]
     figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
     panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
     for row, group in zip(panels, rows, strict=True):
         for axes, ship in zip(row, ships, strict=True):
-            if group == "infrared":
-                _draw_silhouette(axes, root, ship, aspect)
-            else:
-                _draw_profile(axes, root, ship, aspect)
+            PICTURED[group](axes, root, ship, aspect)
     for axes, ship in zip(panels[0], ships, strict=True):
-        axes.set_title(f"{printable_text(ship)}, {aspect:g}°", fontsize=SMALL + 1)
+        axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=SMALL + 1)
     return figure
 
 
@@ -191,6 +187,10 @@ def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     axes.set_yticks([])
 
 
+PICTURED = {"range_profile": _draw_profile, "infrared": _draw_silhouette}
+"""Drawings of one view, by the group of a store that they show."""
+
+
 def draw_flights(
     store: PathOrUrl, *, ship: Callable[[str], trimesh.Trimesh] | None = None
 ) -> dict[str, Callable[[], Figure]]:
@@ -212,7 +212,8 @@ def draw_flights(
     root = opened(store)
     if "validation" not in root:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
-    attrs, load = attributes(root), ship or partial(known_ship, attributes(root))
+    attrs = attributes(root)
+    load = ship or partial(known_ship, attrs)
     flights = flights_of(read_group(root, "validation"))
     meshes = {label: load(label) for label in {flight.ship.item() for flight in flights.values()}}
 
@@ -251,9 +252,7 @@ def write_pictures(
     names = list(drawn)
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     with buffered_console(console) as paged:
-        print_line(
-            f"pictures  {printable_text(str(folder))}: {', '.join(names[:NAMED])}{more}", paged
-        )
+        print_line(f"pictures  {printable(str(folder))}: {', '.join(names[:NAMED])}{more}", paged)
     return list(dict.fromkeys(blocked))
 
 

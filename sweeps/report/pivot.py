@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.words import MAIN, NOTHING, WORDED, is_missing, preferred_value
+from sweeps.report.words import NOTHING, WORDED, is_missing, preferred_value
 
 FEW = 30  # answers below which a score is said to rest on few
 
@@ -46,7 +46,7 @@ class Table:
     notes: tuple[str, ...]
 
 
-def ordered_axes(frame: Frame, swept: Sequence[str] = ()) -> list[str]:
+def ordered_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
     """Return the varying axes in the order of rows, axes of words last.
 
     Among the others, swept axes come first, then declared ones.
@@ -132,12 +132,7 @@ def _join_keys(line: Line, columns: Sequence[Column], start: int) -> Line:
 def notes_of(frame: Frame) -> tuple[str, ...]:
     """Return the notes of a table, on chance and on wide intervals, too."""
     notes = [*frame.notes, chance_in_words(frame)]
-    overall = MAIN["aspect_bin"]
-    if (
-        frame.columns_of_role("low")
-        and frame.across
-        and (frame.rows[frame.across] == overall).any()
-    ):
+    if frame.columns_of_role("low") and frame.has_overall:
         notes.append(
             "An interval of the whole takes in how much bins differ, and may be the widest."
         )
@@ -233,7 +228,7 @@ def select_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
         if not values:
             continue
         axis = frame.columns[name].axis
-        labels = frame.select({name: preferred_value(axis, values)}).rows.index
+        labels = frame.select(name, preferred_value(axis, values)).rows.index
         other_parts = set(frame.rows[PART]) - set(frame.rows.loc[labels, PART])
         # Labels that distinguish parts, such as tests from training, select parts themselves.
         for part in (k for k in other_parts if name not in frame.parts[k].display.labels):

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from sweeps.report.frames import Column, Frame, values_of
+from sweeps.report.words import OVERALL, is_number
 
-BESIDE = ("low", "high", "chance")  # roles of columns that belong to a figure
 ALONG, UP = 6, 30  # ratio of its ends from which an axis is logarithmic
 EDGE = 6  # pixels between the ends of a bounded scale and the frame, for markers
 
@@ -18,7 +18,6 @@ EDGE = 6  # pixels between the ends of a bounded scale and the frame, for marker
 def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     """Return the encoding of a figure, and the columns of its interval and its level of chance."""
     column = frame.columns[figure]
-    beside = {role: next(iter(frame.columns_of_role(role, figure)), "") for role in BESIDE}
     y: dict[str, Any] = {"field": figure, "type": "quantitative", "title": column.heading}
     values = frame.rows[figure].dropna().tolist()
     bound = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
@@ -31,7 +30,8 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
         y["axis"] = {"format": ".0%"}
     # Python's and d3's formats are the same, but for the digits of `g`.
     text = ".3~g" if column.format.endswith("g") else column.format
-    return {"y": y, "format": text, "difference": difference, **beside}
+    related = frame.related_columns(figure)
+    return {"y": y, "format": text, "difference": difference, **related}
 
 
 def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
@@ -39,10 +39,9 @@ def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
 
     Values are joined by lines along bins (ordinal), but not along words (nominal).
     """
-    values = [value for value in values_of(frame.rows, column.name) if value != "overall"]
-    numeric = all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+    values = [value for value in values_of(frame.rows, column.name) if value != OVERALL]
     encoding: dict[str, Any] = {"field": column.name, "title": column.heading}
-    if not numeric:
+    if not all(map(is_number, values)):
         bins = all(column.text(value)[:1].isdigit() for value in values)
         kind = "ordinal" if bins else "nominal"
         return encoding | {"type": kind, "sort": values, "axis": {"labelAngle": 0}}

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import io
 import os
-import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import IO
 
 from rich.console import Console
 from rich.text import Text
 
+from ncti.ships.errors import printable
 from sweeps.engine.run.process import guarded_stdout
-from sweeps.report.words import printable_text
 
 PIPED = 80  # cells of a line where there is no terminal
 PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
@@ -54,15 +53,9 @@ def _write_text(text: str, file: IO[str], encoding: str) -> None:
         file.flush()
 
 
-def print_error(sentence: str) -> None:
-    """Print a sentence to stderr, ignoring errors."""
-    with suppress(OSError, ValueError, AttributeError):
-        print(f"ncti-report: {sentence}", file=sys.stderr, flush=True)
-
-
 def plain_text(text: str) -> Text:
     """Return a text without markup, its control characters except newlines escaped."""
-    return Text("\n".join(map(printable_text, text.split("\n"))))
+    return Text("\n".join(map(printable, text.split("\n"))))
 
 
 def print_line(text: str, console: Console) -> None:

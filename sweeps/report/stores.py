@@ -11,6 +11,7 @@ from typing import Any
 import xarray as xr
 import zarr
 
+from ncti.ships.errors import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
@@ -19,10 +20,10 @@ from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.writing import zarr_store
-from sweeps.report.words import MAIN, preferred_value, printable_text
+from sweeps.report.words import MAIN, preferred_value
 
 ERRORS = "range_profile/profile_error"
-READ = ("tables", ERRORS)  # what the report prints
+PRINTED = ("tables", ERRORS)  # what the report prints
 # Dimensions of profiles and images.
 OF_ARRAYS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
@@ -58,10 +59,10 @@ def read_group(store: Any, group: str) -> xr.Dataset:
     return restore_scalars(xr.open_dataset(xr.backends.ZarrStore(store[group], mode="r")))
 
 
-def check_whole(path: PathOrUrl, *, groups: Iterable[str] | None = READ) -> None:
-    """Refuse a store with damaged, missing or foreign files.
+def check_whole(path: PathOrUrl, groups: Iterable[str] | None = None) -> None:
+    """Refuse (`ConfigurationError`) a store with damaged, missing or foreign files.
 
-    By default, in the groups that the report prints; with None, in all. Raises ConfigurationError.
+    In some groups only, if they are given.
     """
     try:
         bad = verify(path, groups)
@@ -94,7 +95,7 @@ def failed_cells(store: Any) -> dict[str, str]:
     return dict(attributes(store).get("failures", {}))
 
 
-def nominal(dataset: xr.Dataset, *, keep: Iterable[str] = ()) -> xr.Dataset:
+def nominal(dataset: xr.Dataset, *, keep: Iterable[str]) -> xr.Dataset:
     """Return a dataset at the preferred value of every axis, or else the first value.
 
     Dimensions in `keep`, and those of profiles and images, stay.
@@ -112,4 +113,4 @@ def relative_path(path: PathOrUrl) -> str:
     """Return a path, relative if below the current folder, with control characters escaped."""
     if isinstance(path, Path) and path.is_relative_to(folder := Path.cwd()):
         path = path.relative_to(folder)
-    return printable_text(str(path))
+    return printable(str(path))

@@ -18,11 +18,11 @@ from sweeps.report.contest import main_frame
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, read_frames, select_table
 from sweeps.report.headline import accuracy_sentences, headline
-from sweeps.report.own import is_free
+from sweeps.report.outputs import is_free, page_file, tables_folder
 from sweeps.report.pivot import constant_values, lay_out
-from sweeps.report.places import page_file, tables_folder
 from sweeps.report.screen import buffered_console, print_line, print_note
 from sweeps.report.stores import (
+    PRINTED,
     attributes,
     check_whole,
     error_reason,
@@ -42,8 +42,14 @@ def tables_of(path: PathOrUrl) -> dict[str, Frame]:
 
 def print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print the headline of a finished store, the accuracy, and its main table."""
+    store = opened(path)
     with buffered_console(console) as aside:
-        _print_answer(path, frames, aside)
+        aside.print()
+        for sentence in headline(frames, attributes(store)):
+            print_note(sentence, aside, style="bold")
+        for sentence in accuracy_sentences(store):
+            print_note(sentence, aside)
+        print_table(answer_table(main_frame(frames), swept_axes(path), aside.width), aside)
 
 
 def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> list[Path]:
@@ -69,7 +75,7 @@ def report(
     it has no tables or lacks that one, or if the page cannot be written, and OSError if tables
     cannot be written beside it; the answer or the table is printed anyway.
     """
-    check_whole(path, **({"groups": None} if html else {}))
+    check_whole(path, None if html else PRINTED)
     frames = tables_of(path)
     selected = None if table is None else select_table(frames, table)
     if selected is None:
@@ -105,7 +111,7 @@ def report_comparison(
     from sweeps.report.page.write import comparison_page, write_page
 
     for path in (first, *others):
-        check_whole(path, groups=None)
+        check_whole(path)
     compared = compare(first, *others)
     blocked = [] if compared.frames else _remove_files(compared.output_path)
     if table is not None and not compared.frames:
@@ -162,17 +168,6 @@ def swept_axes(path: PathOrUrl) -> Sequence[str]:
     """Return the names of the axes that were swept."""
     axes: Sequence[str] = attributes(opened(path)).get("swept", ())
     return axes
-
-
-def _print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
-    """Print the headline, the accuracy, and the main table along the swept axis."""
-    console.print()
-    store = opened(path)
-    for sentence in headline(frames, attributes(store)):
-        print_note(sentence, console, style="bold")
-    for sentence in accuracy_sentences(store):
-        print_note(sentence, console)
-    print_table(answer_table(main_frame(frames), swept_axes(path), console.width), console)
 
 
 def _print_changes(compared: Comparison, console: Console, *, html: bool) -> None:

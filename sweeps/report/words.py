@@ -9,6 +9,8 @@ from typing import Any
 
 import pandas as pd
 
+from ncti.ships.errors import printable
+
 NOTHING = "–"  # for a missing figure
 IN_FILES = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}
 WRITTEN = {"degree": "°", "urad": "µrad", "1": ""}
@@ -30,6 +32,8 @@ SIMPLEST = (
     *("range", "infrared", "both"),
 )
 
+OVERALL = "overall"  # bin of all aspects
+
 # Value of an axis that is shown first: the article's, or the nominal one; else the first.
 MAIN: dict[str, Any] = {
     **{"range": 100.0, "pulse_width": 30.0, "vigilance": 0.95, "frame_count": 16},
@@ -42,20 +46,13 @@ MAIN: dict[str, Any] = {
     **{"split": "aspect-random", "fitted": "all", "fleet": 4},
     **{"chain": "exact", "azimuth": "pixel", "mirror": "exact", "range_filter": "cluster"},
     "kind": ("measured", "test"),
-    **{"aspect_bin": "overall", "channel": "both", "aspect": 175.0, "source": "measured"},
+    **{"aspect_bin": OVERALL, "channel": "both", "aspect": 175.0, "source": "measured"},
 }
-
-
-def printable_text(text: str) -> str:
-    """Return a text with its control and other invisible characters escaped."""
-    if text.isprintable():
-        return text
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def words_of(name: str) -> str:
     """Return the name of an axis as people write it."""
-    words = printable_text(name.replace("_", " ")).split(" ")
+    words = printable(name.replace("_", " ")).split(" ")
     return " ".join(word.upper() if word in ABBREVIATIONS else word for word in words)
 
 
@@ -69,12 +66,17 @@ def file_name(name: str, units: str) -> str:
 
 def unit_of(units: str) -> str:
     """Return a unit as printed; empty if there is none."""
-    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable_text(units)))
+    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
 
 
 def is_missing(value: Any) -> bool:
     """Return whether a value of a frame is absent."""
     return value is None or value is pd.NA or bool(value != value)
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value is a number, which truth values are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def value_text(value: Any, format: str = "g") -> str:
@@ -85,7 +87,7 @@ def value_text(value: Any, format: str = "g") -> str:
         return "yes" if value else "no"
     if isinstance(value, float) and math.isfinite(value):
         return format_number(value, format)
-    return printable_text(str(value)).replace("_", " ")
+    return printable(str(value)).replace("_", " ")
 
 
 def format_number(value: float, format: str) -> str:
@@ -102,8 +104,6 @@ def preferred_value(name: str, values: Sequence[Any]) -> Any:
     for choice in main if isinstance(main, tuple) else (main,):
         if choice in values:
             return choice
-    if all(
-        isinstance(value, int | float) and not isinstance(value, bool) for value in (main, *values)
-    ):
+    if all(map(is_number, (main, *values))):
         return min(values, key=lambda value: (abs(value - main), value))
     return values[0]

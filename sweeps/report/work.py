@@ -11,8 +11,7 @@ import pandas as pd
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.files import csv_of
 from sweeps.report.frames import Column, Frame
-from sweeps.report.own import write_own_files
-from sweeps.report.places import tables_folder
+from sweeps.report.outputs import tables_folder, write_own_files
 
 if TYPE_CHECKING:
     from sweeps.engine.run.schedule import Progress

@@ -23,13 +23,11 @@ from sweeps.engine.declare.settings import Run, Settings, count, draws, number, 
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Integers, Mask, read_in_blocks
+from sweeps.stages.classifier import GATHERED, NONE, VIEW, Indices, Integers, Mask, read_in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 
 NAME = "acn"
-
-Indices = NDArray[np.intp]
 
 
 class Network(Settings, key="classifier", single="coordinate"):
@@ -365,18 +363,6 @@ acn_infrared = replace(
     | {"training": "acn_infrared_training", "tests": At("log_polar", in_blocks=True)},
     along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     **SILHOUETTES,
-)
-
-
-STAGES = (
-    profile_training_set,
-    silhouette_training_set,
-    profile_order,
-    silhouette_order,
-    acn_training,
-    acn,
-    acn_infrared_training,
-    acn_infrared,
 )
 TABLES = (
     *OF_RANGE.tables(rejecting=True, forming=True),

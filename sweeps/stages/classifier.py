@@ -40,8 +40,9 @@ from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar
-from sweeps.stages.ships import ShipName, ship_name
-from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles, refuse, require_among, ships
+from sweeps.stages.refusals import refuse, require, require_among
+from sweeps.stages.ships import ShipName, ship_name, ships
+from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 
 Mask = NDArray[np.bool_]
 Integers = NDArray[np.integer]
+Indices = NDArray[np.intp]
 
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)
@@ -321,7 +323,7 @@ def require_another_aspect(training_views: Mask, left_out: bool) -> None:
 def check_receiver(choices: Choices, name: str) -> None:
     """Refuse receivers whose moments a classifier needs and lacks."""
     reason = f"for the classifier {name}, which knows the moments of no other"
-    views.require(choices, Ladar.receiver, FULL, reason)
+    require(choices, Ladar.receiver, FULL, reason)
 
 
 # Inputs
@@ -511,11 +513,3 @@ def of_profiles(name: str, *own: str) -> ClassifierGroup:
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))
 
 WORDS = {Classifier.name: "NAME"}
-
-
-STAGES = (
-    test_aspects,
-    training_views,
-    PROFILE_MARKS,
-    IMAGE_MARKS,
-)

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ncti.classify.blocks import row_blocks
 from sweeps.engine.declare.settings import Choices, Settings, word
 from sweeps.engine.declare.stage import Output, in_memory
 from sweeps.stages import classifier
-from sweeps.stages.classifier import NONE, Classifier, Mask
-from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
+from sweeps.stages.classifier import NONE, Classifier, Indices, Mask
+from sweeps.stages.refusals import refuse
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
 IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
 NAME = "correlation"
 ANSWERS = classifier.of_profiles(NAME, "training", "left_out")
 EXPECTED, NOISY = "expected", "noisy"
-
-Indices = NDArray[np.intp]
 
 
 class Correlation(Settings, key="classifier", single="coordinate"):
@@ -139,8 +137,4 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-STAGES = (
-    profile_draws,
-    correlation,
-)
 TABLES = ANSWERS.tables(rejecting=True)

@@ -37,14 +37,15 @@ from sweeps.engine.declare.stage import Condition, Group, Output, coordinate
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar, check_profiles
-from sweeps.stages.views import Arrays, Grid, Hull, Render, Scene, looks, quantity
+from sweeps.stages.meshes import Hull, read_mesh
+from sweeps.stages.refusals import require
+from sweeps.stages.views import Arrays, Grid, Render, Scene, looks, quantity
 
 if TYPE_CHECKING:
     import trimesh
     import xarray as xr
 
 SENSOR = "dataset"
-IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 
 
 class Rows(Settings, key="dataset"):
@@ -181,7 +182,7 @@ def make_rows(
 @lru_cache(maxsize=64)
 def named_mesh(hull: Hull, label: str) -> trimesh.Trimesh:
     """Return a ship's mesh with the sweep's label as its name."""
-    mesh = views.read_mesh(hull)
+    mesh = read_mesh(hull)
     if mesh.metadata.get("name") != label:
         mesh = mesh.copy()
         mesh.metadata["name"] = label
@@ -207,8 +208,8 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) scenes, ships and ranges that rows do not support."""
     if looks(SENSOR)(choices):
         check_profiles(choices)
-        views.require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")
-        views.require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
+        require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")
+        require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
         views.check_ranges(choices, Grid.range, Ladar.ifov)
     return choices
 
@@ -224,12 +225,6 @@ def loops(choices: Choices) -> list[Loops]:
     return [FRAMES, engine_loops(LINES), IMAGES] if looks(SENSOR)(choices) else []
 
 
-STAGES = (
-    profile_rows,
-    silhouette_rows,
-    row_bins,
-    row_cells,
-)
 TABLES = tuple(
     group.table(
         group.path,

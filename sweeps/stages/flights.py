@@ -22,11 +22,13 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.settings import Choices, Run, Setting
 from sweeps.engine.declare.stage import Output, coordinate, in_memory, inner, plain
-from sweeps.stages import irar, views
+from sweeps.stages import irar, meshes, views
+from sweeps.stages.arguments import Keywords, keywords, settings_by_dimension
 from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
+from sweeps.stages.refusals import refuse, require, require_among
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import IRAR, Arrays, Grid, Keywords, looks, refuse
+from sweeps.stages.views import IRAR, Arrays, Grid, looks
 
 if TYPE_CHECKING:
     import trimesh
@@ -38,16 +40,16 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
 
 
-receivers = plain(reads=views.settings_by_dimension(RECORDED[1:]), name="receivers")(views.keywords)
+receivers = plain(reads=settings_by_dimension(RECORDED[1:]), name="receivers")(keywords)
 flight_place = plain(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
-)(views.keywords)
+)(keywords)
 
 
-@plain(uses=(Irar, Grid), reads=views.settings_by_dimension(FLOWN))
+@plain(uses=(Irar, Grid), reads=settings_by_dimension(FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return the settings of a pass; None for a ship that is not flown past."""
-    return None if flown is not None and ship not in flown else views.keywords(**values)
+    return None if flown is not None and ship not in flown else keywords(**values)
 
 
 flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
@@ -262,11 +264,11 @@ flight_bins = replace(profile_bins, name="flight_bins", group=FLIGHTS)
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
-    views.require_among(choices, Irar.flown, Grid.ship)
+    require_among(choices, Irar.flown, Grid.ship)
     printed = next((name for name in choices[Irar.chain] if name != comparison.EXACT), None)
     for setting in OF_EXACT if printed else ():
         reason = f"where irar.chain has {printed}, which has a way of its own"
-        views.require(choices, setting, setting.default, reason)
+        require(choices, setting, setting.default, reason)
     if not looks(IRAR)(choices):
         return choices
     for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
@@ -274,10 +276,7 @@ def check(choices: Choices) -> Choices:
             stop = f"below {values['band_stop']:g}, irar.band_stop"
             refuse(Irar.band_start, values["band_start"], stop)
     views.check_beam(choices, Irar.profile_range, Ladar.ifov)
-    hulls = {
-        ship: views.read_mesh(views.hull.function(ship)).convex_hull
-        for ship in flown_ships(choices)
-    }
+    hulls = {ship: meshes.read_mesh(meshes.hull(ship)).convex_hull for ship in flown_ships(choices)}
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
         ship, aspect, place = values.pop("ship"), values.pop("aspect"), ""
         try:
@@ -370,20 +369,6 @@ LISTED = {
     **{"transom_ratio": ".2f", "mast_position": ".1f", "mast_ratio": ".2f"},
     **{"forward_position": ".1f", "forward_ratio": ".2f"},
 }
-STAGES = (
-    receivers,
-    flight_place,
-    course,
-    flight_draw,
-    flown_pass,
-    truth,
-    scan,
-    navigation,
-    flight_chain,
-    corrected,
-    profile_sources,
-    flight_bins,
-)
 TABLES = (
     FLIGHTS.table(
         "flights",

@@ -17,26 +17,18 @@ from ncti.classify.fusion import add_outliers, fuse, label_posterior, similarity
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Mask
+from sweeps.stages.classifier import GATHERED, NONE, Classifier, Indices, Mask
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
-from sweeps.stages.ladar import Ladar
+from sweeps.stages.ladar import WITH_MOMENTS, Ladar
 from sweeps.stages.likelihood import Likelihood, Prior
-from sweeps.stages.views import (
-    INFRARED,
-    RANGE,
-    Arrays,
-    Floats,
-    Grid,
-    Profiles,
-    Sweep,
-    refuse,
-    require_among,
-)
+from sweeps.stages.refusals import refuse, require_among
+from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles, Sweep
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
 NAME = "fusion"
+WITH_MOMENTS[NAME] = {RANGE, INFRARED}
 CHANNELS = ("range", "infrared", "both")
 LEAST_PHASES = 2
 OF_DRAWS = ("channel", "draw")
@@ -45,8 +37,6 @@ LOOKS = (
     *(Infrared.frame_count, Infrared.super_resolution, Infrared.segmentation),
     *(Infrared.inner_radius, Infrared.interpolation),
 )
-
-Indices = NDArray[np.intp]
 
 
 def classifies_with_both(choices: Choices) -> bool:
@@ -66,11 +56,15 @@ def cosines(
     """
     similarity = np.empty((len(templates), len(views), templates.shape[1]), np.float32)
     for rows in row_blocks(len(views)):
-        block = maps[number, :, views[rows]]
-        # Advanced indices on both sides of a slice come first.
-        vectors = classifier.map_vectors(block.swapaxes(0, 1)[:, None])
+        vectors = view_vectors(maps, number, views[rows])
         similarity[:, rows] = similarity_between_phases(vectors, templates)
     return similarity
+
+
+def view_vectors(maps: NDArray[np.uint8], number: int, views: Indices) -> NDArray[np.float32]:
+    """Return (phase, view, feature) vectors of some views of maps, as for `cosines`."""
+    # Advanced indices on both sides of a slice come first.
+    return classifier.map_vectors(maps[number, :, views].swapaxes(0, 1)[:, None])
 
 
 def stack_map_views(maps: NDArray[np.uint8], lead: int) -> NDArray[np.uint8]:
@@ -212,7 +206,7 @@ def fusion(
     looks, replicates, phases = math.prod(axes), averaged.shape[1], log_polar.shape[len(LOOKS)]
     maps = log_polar.reshape(looks, phases, -1, *log_polar.shape[-2:])
     known_maps = template_log_polar.reshape(math.prod(kinds), phases, -1, *maps.shape[-2:])
-    silhouettes = _kind_vectors(known_maps, training_set)
+    silhouettes = [view_vectors(known_maps, k, training_set) for k in range(len(known_maps))]
     profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
     draws = max(replicates, phases)
     shape = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
@@ -247,16 +241,6 @@ def fusion(
         name: values.reshape(*shape[:2], *axes, *values.shape[3:])
         for name, values in answers.items()
     }
-
-
-def _kind_vectors(maps: NDArray[np.uint8], views: Indices) -> list[NDArray[np.float32]]:
-    """Return (phase, view, feature) vectors of some views of each of (kind, phase, view, ...) maps.
-
-    Advanced indices on both sides of a slice come first.
-    """
-    return [
-        classifier.map_vectors(maps[k, :, views].swapaxes(0, 1)[:, None]) for k in range(len(maps))
-    ]
 
 
 def _constants(factors: Floats, of_profiles: Floats, shape: tuple[int, ...]) -> Arrays:
@@ -305,10 +289,4 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-STAGES = (
-    silhouette_constants,
-    profile_outlier_fraction,
-    fusion,
-    fusion_draws,
-)
 TABLES = ANSWERS.tables(labels={"classifier": NAME})

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ncti import features
 from ncti import infrared as library
 from ncti.evaluate import aspect_bins
-from ncti.evaluate.answers import add_bin_attribute
+from ncti.evaluate.answers import VIEW, add_bin_attribute
 from ncti.features.log_polar import INTERPOLATIONS
 from ncti.features.map_vector import INNER_RADIUS, INTERPOLATION
 from ncti.features.map_vector import map_cells as cells
@@ -51,7 +51,9 @@ from sweeps.engine.declare.stage import (
     stage,
 )
 from sweeps.engine.resolve.keys import cell_rng
-from sweeps.stages import views
+from sweeps.stages import meshes, views
+from sweeps.stages.arguments import restore
+from sweeps.stages.refusals import refuse
 from sweeps.stages.views import Arrays, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
@@ -63,7 +65,7 @@ SENSOR = views.INFRARED
 OPENGL = ("osmesa", "egl")  # engines whose hits `ncti.render.mask` has, too
 # By its stages, when they are called; takes long.
 IMPORTS = ("ncti.infrared.cells", "scipy.ndimage")
-VIEW, LOOK = ("ship", "aspect"), ("range", "super_resolution", "frame_count")  # of its dimensions
+LOOK = ("range", "super_resolution", "frame_count")  # of its dimensions
 
 PLACE = "{} place on the target, the ship origin within a pixel"
 SEEN = ("range", "frame_count")  # axes of the sensor
@@ -237,7 +239,7 @@ def detector_view(
 ) -> DetectorView:
     """Return a ship on the detector."""
     stream = partial(cell_rng, seed, ship=str(ship), aspect=aspect, range=range / views.SI["km"])
-    patches = views.restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    patches = restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(range, ifov)
     return DetectorView(patches, side, imager.contrast(range), imager, stream)
 
@@ -301,7 +303,6 @@ image_window = OF_VIEWS.stage(
 detection_probability = OF_VIEWS.stage(
     Output("detection_probability", label="probability that a pixel of the ship is detected"),
     reads=OF_VIEW,
-    name="detection_probability",
     **BY_PLACE,
 )(DetectorView.detection_probability)
 
@@ -311,7 +312,6 @@ reconstruction_error = OF_VIEWS.stage(
         label="rms difference from the noiseless image of half the pixel, over the contrast",
     ),
     reads=OF_VIEW,
-    name="reconstruction_error",
     **BY_PLACE,
 )(DetectorView.reconstruction_error)
 
@@ -373,7 +373,7 @@ def template_log_polar(
     subpixel_offsets: tuple[int, ...],
 ) -> Bytes:
     """Return (offset, angle, radius) noiseless maps."""
-    patches = views.restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
+    patches = restore(Hits, hits).patches(mirrored=aspect != drawn_aspect)
     side = library.footprint(training_range, ifov)
     targets = [
         patches.covering(side, spread_place(offset)).target(coverage_rule)
@@ -398,7 +398,7 @@ def check(choices: Choices) -> Choices:
     for method in choices[Infrared.segmentation]:
         if method != "matched" and find_spec("skimage") is None:
             needed = "matched without scikit-image: pip install 'ncti-sweep[segmentation]'"
-            views.refuse(Infrared.segmentation, method, needed)
+            refuse(Infrared.segmentation, method, needed)
     return choices
 
 
@@ -406,12 +406,12 @@ def check_window(choices: Choices) -> None:
     """Refuse ships that images do not hold."""
     length, height = Infrared.window_length, Infrared.window_height
     for ship in choices[Grid.ship]:
-        vertices = views.description(views.hull(ship)).vertices
+        vertices = meshes.description(meshes.hull(ship)).vertices
         longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
         for setting, needed in ((length, longest), (height, float(vertices[:, 2].max()))):
             if needed > (allowed := choices.value(setting)):
-                hold = f"at least {math.ceil(needed)} m to hold {ship}{views.fault_hint(ship)}"
-                views.refuse(setting, allowed, hold)
+                hold = f"at least {math.ceil(needed)} m to hold {ship}{meshes.fault_hint(ship)}"
+                refuse(setting, allowed, hold)
 
 
 # Tables
@@ -505,24 +505,6 @@ def loops(choices: Choices) -> list[Loops]:
     return [IMAGES] + [engine_loops(MASK)] * masked
 
 
-STAGES = (
-    silhouette_engine,
-    infrared_images,
-    training_images,
-    hits,
-    training_hits,
-    imager,
-    detector_view,
-    infrared_window,
-    thermal_image,
-    image_window,
-    detection_probability,
-    reconstruction_error,
-    map_cells,
-    silhouettes,
-    log_polar,
-    template_log_polar,
-)
 TABLES = (
     _image_table(
         "sensor",

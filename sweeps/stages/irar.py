@@ -264,17 +264,14 @@ FLOWN = Course.declared
 RECORDED = (Grid.replicate, *Receivers.declared, *Passive.declared)
 """Settings on which the raw images depend as well."""
 
-CORRECTED: tuple[Setting, ...] = (
-    *(Irar.errors, Irar.autofocus, Irar.chain, Irar.azimuth, Irar.mirror, Irar.range_filter),
-)
-"""Settings on which corrected images depend as well."""
-
 FLIGHT: tuple[str, ...] = tuple(  # dimensions of a flight in the store, in their order
     setting.name
     for setting in (
         *FLOWN[:-1],
         *(Irar.cnr, Irar.pulse_width, *Receivers.declared[1:], *Passive.declared),
-        *(*CORRECTED, Grid.replicate),
+        # Settings of corrected images, and the draw.
+        *(Irar.errors, Irar.autofocus, Irar.chain, Irar.azimuth, Irar.mirror, Irar.range_filter),
+        Grid.replicate,
     )
 )
 FLIGHTS = Group(

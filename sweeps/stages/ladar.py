@@ -26,7 +26,9 @@ from ncti.render import LineImage, RangeImage
 from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
 from sweeps.engine.resolve.keys import cell_rng
-from sweeps.stages import views
+from sweeps.stages import meshes, views
+from sweeps.stages.arguments import restore
+from sweeps.stages.refusals import refuse
 from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Sweep, looks, quantity
 
 SENSOR = RANGE
@@ -40,8 +42,11 @@ ANYWHERE, CORNER = "random", "corner"  # places of the ship on the grid of IFOVs
 
 MODELS = ("projected_area", "lambertian")  # of reflection
 
-WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, views.INFRARED}}
-"""Classifiers for which covariances are stored, and the sensors that each needs."""
+WITH_MOMENTS: dict[str, set[str]] = {}
+"""Sensors that a classifier needs, by the names of those for which covariances are stored.
+
+The modules of these classifiers add them.
+"""
 
 
 class Ladar(Settings, key="ladar"):
@@ -186,7 +191,7 @@ def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
 @in_memory(uses=(Grid,))
 def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     """Return the library's range extent, mirrored if the other side was drawn."""
-    drawn = views.restore(RangeExtent.unpacked, extent)
+    drawn = restore(RangeExtent.unpacked, extent)
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 
@@ -303,12 +308,12 @@ def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) inconsistent settings of the laser radar."""
     window, bin_width = choices.value(Ladar.window), choices.value(Ladar.bin_width)
     if window < 10 * bin_width:
-        views.refuse(Ladar.window, window, f"at least 10 bins of ladar.bin_width {bin_width:g} m")
+        refuse(Ladar.window, window, f"at least 10 bins of ladar.bin_width {bin_width:g} m")
     most = max(choices[Ladar.target_free_ifovs])
     for receiver in choices[Ladar.receiver]:
         if receiver != FULL and most > MOST_DRAWN:
             allowed = f"at most {MOST_DRAWN} with the {receiver} receiver, which draws each of them"
-            views.refuse(Ladar.target_free_ifovs, most, allowed)
+            refuse(Ladar.target_free_ifovs, most, allowed)
     if {RANGE, views.IRAR} & {*choices.value(Sweep.sensor)}:  # flights make profiles, too
         check_profiles(choices)
     if looks(RANGE)(choices):
@@ -333,9 +338,7 @@ def check_pulses(choices: Choices, bins: Setting) -> None:
     shortest, widest = min(choices[Grid.pulse_width]), max(choices[bins])
     least = shortest_pulse(widest) * 1e9
     if shortest < least:
-        views.refuse(
-            Grid.pulse_width, shortest, f"at least {least:.3g} for {bins.key} {widest:g} m"
-        )
+        refuse(Grid.pulse_width, shortest, f"at least {least:.3g} for {bins.key} {widest:g} m")
 
 
 def _check_window(choices: Choices) -> None:
@@ -343,9 +346,9 @@ def _check_window(choices: Choices) -> None:
     window = choices.value(Ladar.window)
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(views.description(views.hull(ship)).vertices, axis=1).max())
+        reach = float(np.linalg.norm(meshes.description(meshes.hull(ship)).vertices, axis=1).max())
         if allowed := window_requirement(window, ship=ship, reach=reach, pulse_width=longest):
-            views.refuse(Ladar.window, window, f"{allowed}{views.fault_hint(ship)}")
+            refuse(Ladar.window, window, f"{allowed}{meshes.fault_hint(ship)}")
 
 
 def _check_cnr(choices: Choices) -> None:
@@ -359,7 +362,7 @@ def _check_cnr(choices: Choices) -> None:
     ]
     for ship in choices[Grid.ship]:
         least = faintest_ratio(
-            np.ptp(views.description(views.hull(ship)).vertices, axis=0),
+            np.ptp(meshes.description(meshes.hull(ship)).vertices, axis=0),
             slant_range=farthest,
             ifov=widest,
             target_free_ifovs=most,
@@ -374,29 +377,9 @@ def _check_cnr(choices: Choices) -> None:
                     f"at least {cnr + lacking:.1f} dB for single precision to hold the profile of "
                     f"{ship} at {farthest / 1e3:g} km over the floor of {most} target-free IFOVs"
                 )
-                views.refuse(Ladar.cnr, cnr, allowed)
+                refuse(Ladar.cnr, cnr, allowed)
 
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that frames and their densities take."""
     return [FRAMES] * looks(RANGE)(choices) + [DENSITIES] * stores_moments(choices)
-
-
-STAGES = (
-    shift,
-    cnr_at_range,
-    seen_shift,
-    extent,
-    ifovs,
-    seen_extent,
-    seen_ifovs,
-    fineness,
-    profile_error,
-    within_tolerance,
-    expected,
-    above_floor,
-    averaged,
-    covariance,
-    profile_bins,
-    lags,
-)

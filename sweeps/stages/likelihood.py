@@ -22,8 +22,9 @@ from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plai
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Integers, Mask
-from sweeps.stages.ladar import Ladar, expected, extent, ifovs, mirror_place
-from sweeps.stages.views import Arrays, Floats, Grid, Profiles, refuse
+from sweeps.stages.ladar import WITH_MOMENTS, Ladar, expected, extent, ifovs, mirror_place
+from sweeps.stages.refusals import refuse
+from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
 NAME = "likelihood"
 ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
+WITH_MOMENTS[NAME] = {RANGE}
 
 
 class Likelihood(Settings, key="classifier"):
@@ -461,18 +463,4 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-STAGES = (
-    prior,
-    alternative_views,
-    template_shift,
-    placed_extent,
-    placed_ifovs,
-    placed_profile,
-    profile_moments,
-    calibrated_error,
-    profile_templates,
-    alternative_templates,
-    track,
-    likelihood,
-)
 TABLES = ANSWERS.tables(rejecting=True)

@@ -22,22 +22,15 @@ from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
 from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
+from sweeps.stages.arguments import Keywords, keywords, restore, settings_by_last_word
 from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Mask
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown_ships
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.mnn import mnn, mnn_training
-from sweeps.stages.views import (
-    IRAR,
-    Arrays,
-    Grid,
-    Keywords,
-    Profiles,
-    looks,
-    require,
-    settings_by_last_word,
-)
+from sweeps.stages.refusals import refuse, require
+from sweeps.stages.views import IRAR, Arrays, Grid, Profiles, looks
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -96,7 +89,7 @@ def signature(
         pixels = {f.name: corrected[f"pixel_{f.name}"] for f in fields(ShipPixels)}
         try:
             extent = measured_extent(
-                views.restore(ShipPixels, pixels),
+                restore(ShipPixels, pixels),
                 flight_of(aspect, dict(course + receivers)),
                 slant_range=profile_range,
                 ifov=ladar_ifov,
@@ -140,7 +133,7 @@ acn_settings = plain(
     reads=settings_by_last_word(Network)
     | {"presentation": "profile_order", "vigilance": Grid.vigilance},
     name="acn_settings",
-)(views.keywords)
+)(keywords)
 
 TRAINED = ("acn", "mnn", "correlation")
 """Classifiers of measured profiles: those that need no moments, which are unknown for them."""
@@ -233,7 +226,7 @@ def check(choices: Choices) -> Choices:
     names = tuple(name for name in choices[Classifier.name] if name in TRAINED)
     if not names:
         allowed = f"one of {', '.join(TRAINED)} where sensor is irar"
-        views.refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
+        refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
     require(choices, Correlation.training, EXPECTED, "where sensor is irar")
     require(choices, Classifier.left_out, False, "where sensor is irar")
     if set(choices.value(views.Sweep.sensor)) == {IRAR}:
@@ -248,19 +241,4 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     return tabulate_scores(known, classifier.aspect_masks(choices), classifier.PROFILES)
 
 
-STAGES = (
-    flight_images,
-    flight_cnr,
-    flight_extent,
-    flight_ifovs,
-    learned_signature,
-    test_signature,
-    signature,
-    signature_kinds,
-    acn_settings,
-    training_method,
-    namer,
-    measured,
-    measured_kinds,
-)
 TABLES = ANSWERS.tables(tabulate_measured, labels={"channel": views.RANGE}, scored="own rule")

@@ -14,9 +14,10 @@ from ncti.features import profile_vector
 from sweeps.engine.declare.settings import Settings, count, number, switch, word
 from sweeps.engine.declare.stage import Output, Stream, inner, plain
 from sweeps.stages import classifier
+from sweeps.stages.arguments import Keywords, keywords, settings_by_last_word
 from sweeps.stages.classifier import GATHERED, NONE, Mask
 from sweeps.stages.ladar import Ladar
-from sweeps.stages.views import Arrays, Grid, Keywords, Profiles, keywords, settings_by_last_word
+from sweeps.stages.views import Arrays, Grid, Profiles
 
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
@@ -209,9 +210,4 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
     return network
 
 
-STAGES = (
-    mnn_settings,
-    mnn_training,
-    mnn,
-)
 TABLES = ANSWERS.tables(scored="ship and aspects")

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import logging
-import os
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
 from itertools import product
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from platformdirs import user_cache_path
 
 import ncti.render
 import ncti.ships
@@ -22,17 +16,12 @@ from ncti.ladar.loops import BOXES
 from ncti.machine_code import Loops
 from ncti.render import EngineError, LineImage, RangeImage, Sampling, View
 from ncti.render.choice import choose_engine, engines
-from ncti.render.far_field import reach_of, sampling_tolerance
+from ncti.render.far_field import sampling_tolerance
 from ncti.render.flight import DEPRESSION, depression_angle
 from ncti.render.loops import LINES, engine_loops
 from ncti.render.view import ROLL
-from ncti.ships import Transform
-from ncti.ships.ahead import build_ahead
-from ncti.ships.loading import is_built
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import SetOf, format_value
 from sweeps.engine.declare.settings import (
-    CACHE_VARIABLE,
     Choices,
     Setting,
     Settings,
@@ -44,6 +33,9 @@ from sweeps.engine.declare.settings import (
     word,
 )
 from sweeps.engine.declare.stage import Condition, Stage, Status, in_memory, plain
+from sweeps.stages import meshes
+from sweeps.stages.meshes import Hull
+from sweeps.stages.refusals import refuse
 from sweeps.stages.ships import ShipFile, ShipName, ships
 
 if TYPE_CHECKING:
@@ -54,17 +46,11 @@ if TYPE_CHECKING:
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MOST_FRAMES = 10_000
-AS_IT_IS = Transform()  # of a mesh that is in the ship frame
-FEW_SHIPS = 4  # that this process builds while workers import
 SHAPES = "it shapes arrays"  # why a setting takes one value only
 
-LOG = logging.getLogger(__name__)
-
-Keywords = tuple[tuple[str, Any], ...]  # values with their names
 Arrays = dict[str, NDArray[Any]]
 Floats = NDArray[np.float64]
 Profiles = NDArray[np.float32]
-Kind = TypeVar("Kind")
 
 
 SI = {"km": 1e3, "ns": 1e-9, "urad": 1e-6, "um": 1e-6, "dB km-1": 1e-3}
@@ -82,8 +68,8 @@ def quantity(
 class Sweep(Settings):
     """The sweep."""
 
-    sensor = set_of(  # of which other modules declare more, as `SENSOR`
-        word(RANGE, (RANGE, INFRARED, IRAR), label="sensors", fixed="it is a set"),
+    sensor = set_of(  # which other modules declare, as `SENSOR`
+        word(RANGE, (), label="sensors", fixed="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )
 
@@ -180,34 +166,13 @@ class Render(Settings, key="render"):
     )
 
 
-@dataclass(frozen=True)
-class Hull:
-    """Source of a mesh: a name or path, its transform, and the hash of both and the builder."""
-
-    source: str
-    digest: str
-    transform: Transform = AS_IT_IS
-
-    @property
-    def identity(self) -> str:
-        """Hash that results depend on, without the location of the file."""
-        return self.digest
-
-
-@plain(uses=(Grid,))
-def hull(ship: ShipName) -> Hull:
-    """Return the source of a ship's mesh; `ConfigurationError` if there is no such ship."""
-    try:
-        digest = ncti.ships.digest(ship.source, **asdict(ship.transform))
-        return Hull(ship.source, digest, ship.transform)
-    except ncti.ships.ShipError as error:
-        raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
+hull = plain(uses=(Grid,))(meshes.hull)
 
 
 @plain(uses=(Grid,), gather=(Grid.ship,))
 def hulls(ship: tuple[ShipName, ...]) -> tuple[Hull, ...]:
     """Return the sources of all ships."""
-    return tuple(map(hull.function, ship))
+    return tuple(map(meshes.hull, ship))
 
 
 @plain(uses=(Render,))
@@ -250,13 +215,13 @@ def depression(
 @in_memory(keep=8)
 def mesh(hull: Hull) -> trimesh.Trimesh:
     """Return a ship's mesh, refused when its file has changed since its digest."""
-    return read_mesh(hull)
+    return meshes.read_mesh(hull)
 
 
 @plain(uses=(Grid, Render))
 def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
     """Return the aspect [deg] to render: on the port side if the ship is symmetric."""
-    if aspect <= 180 or skip == "none" or not _is_symmetric(hull):
+    if aspect <= 180 or skip == "none" or not meshes.is_symmetric(hull):
         return aspect
     return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
 
@@ -266,7 +231,7 @@ def drawn_range(hull: Hull, range: float, tolerance: float | None, skip: str) ->
     """Return the slant range [m] to draw a ship at, or None in the far field."""
     if skip == "none":
         return range
-    return ncti.render.drawn_range(_reach(hull), range, tolerance=tolerance)
+    return ncti.render.drawn_range(meshes.reach(hull), range, tolerance=tolerance)
 
 
 sampling = plain(uses=(Render,), reads={"engine": "drawing_engine"}, name="sampling")(Sampling)
@@ -319,75 +284,6 @@ def image_stages(
     return range_stage, sampling_stage, depression_stage, replace(image, name=name, reads=reads)
 
 
-def keywords(**values: Any) -> Keywords:
-    """Return some values with their names: a plain stage with the arguments of a function."""
-    return tuple(values.items())
-
-
-def settings_by_dimension(settings: Iterable[Setting]) -> dict[str, Setting]:
-    """Return settings by the names of their dimensions."""
-    return {setting.name: setting for setting in settings}
-
-
-def settings_by_last_word(settings: type[Settings]) -> dict[str, Setting]:
-    """Return the settings of a group by the last words of their keys."""
-    return {setting.key.rpartition(".")[2]: setting for setting in settings.declared}
-
-
-def restore(kind: Callable[..., Kind], arrays: Arrays) -> Kind:
-    """Return an object from the arrays of `vars` of another; arrays of one number as numbers.
-
-    Dataclasses of arrays and numbers cross the cache in this way.
-    """
-    values = {name: np.asarray(array) for name, array in arrays.items()}
-    return kind(**{name: array if array.ndim else array.item() for name, array in values.items()})
-
-
-def cache_folder() -> Path:
-    """Return the folder of finished results: that of the environment, or the user's."""
-    folder = os.environ.get(CACHE_VARIABLE)
-    return Path(folder) if folder else user_cache_path("ncti-sweep")
-
-
-@lru_cache(maxsize=16)
-def read_mesh(hull: Hull) -> trimesh.Trimesh:
-    """Return a ship's mesh, cached in this process; ValueError if it changed or is unfit."""
-    mesh = ncti.ships.load(hull.source, cache=_built_folder(), **asdict(hull.transform))
-    if mesh.metadata["digest"] != hull.digest:
-        raise ValueError(f"{hull.source} was changed while the sweep ran")
-    return mesh
-
-
-@lru_cache(maxsize=16)
-def _is_symmetric(hull: Hull) -> bool:
-    return ncti.ships.is_symmetric(read_mesh(hull))
-
-
-@lru_cache(maxsize=4096)
-def _reach(hull: Hull) -> float:
-    return reach_of(description(hull).vertices)
-
-
-@lru_cache(maxsize=16)
-def description(hull: Hull) -> ncti.ships.Description:
-    """Return measures and vertices of a ship, faster than `read_mesh`; ValueError if unfit."""
-    return ncti.ships.describe(hull.source, cache=_built_folder(), **asdict(hull.transform))
-
-
-def fault_hint(ship: ShipName) -> str:
-    """Return a hint at a ship's fault for the end of a message; empty if there is none."""
-    ship_description = description(hull.function(ship))
-    if ship_description.mend is None:
-        return ""
-    mend = f"{{{ship_description.mend}}}" if str(ship_description.mend) else "no transform"
-    return f"; {ship} {ship_description.findings[0]}: if so, use {mend}"
-
-
-def _built_folder() -> Path:
-    """Return the folder of built ships."""
-    return cache_folder() / "meshes"
-
-
 def looks(sensor: str) -> Condition:
     """Return the condition that a sensor is among those of the sweep."""
     return lambda choices: sensor in choices.value(Sweep.sensor)
@@ -395,24 +291,8 @@ def looks(sensor: str) -> Condition:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
-    _build_many([hull(ship).source for ship in choices[Grid.ship]])
-    for ship in choices[Grid.ship]:
-        try:
-            description(hull(ship))
-        except ConfigurationError:
-            raise
-        except ValueError as error:
-            raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
+    meshes.check(choices[Grid.ship])
     return choices
-
-
-def _build_many(ships: Sequence[str]) -> None:
-    """Build ships on all processors if there are many; a few are built while workers import."""
-    folder = _built_folder()
-    missing = [ship for ship in ships if not is_built(ship, cache=folder)]
-    if len(missing) > FEW_SHIPS:
-        LOG.warning("building %d ships (once)", len(missing))
-        build_ahead(missing, cache=folder)
 
 
 def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
@@ -438,32 +318,6 @@ def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float
         )
 
 
-def refuse(setting: Setting, value: Any, allowed: str) -> NoReturn:
-    """Raise `ConfigurationError`: a setting has a value that is not among those allowed."""
-    text = value if isinstance(value, str) else format_value(value)
-    raise ConfigurationError(f"{setting.key} has {text}, but must be {allowed}")
-
-
-def require(choices: Choices, setting: Setting, allowed: Any, reason: str) -> None:
-    """Refuse (`ConfigurationError`) every other value of a setting."""
-    for value in choices[setting]:
-        if value != allowed:
-            refuse(setting, _quote(value), f"{format_value(allowed)} {reason}")
-
-
-def require_among(choices: Choices, setting: Setting, whole: Setting, reason: str = "") -> None:
-    """Refuse (`ConfigurationError`) values of a setting, or members of a set, absent in another."""
-    values = choices[setting]
-    for value in (values[0] or ()) if isinstance(setting.kind, SetOf) else values:
-        if value not in choices[whole]:
-            known = ", ".join(map(format_value, choices[whole]))
-            refuse(setting, _quote(value), f"one of {known}, the values of {whole.key}{reason}")
-
-
-def _quote(value: Any) -> Any:
-    return repr(str(value)) if isinstance(value, str) else value
-
-
 STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
 
 
@@ -474,16 +328,3 @@ def loops(choices: Choices) -> list[Loops]:
 
 
 WORDS = {Sweep.sensor: "SENSOR"}
-
-
-STAGES = (
-    hull,
-    hulls,
-    drawing_engine,
-    depression,
-    mesh,
-    drawn_aspect,
-    drawn_range,
-    sampling,
-    image,
-)

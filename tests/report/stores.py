@@ -16,7 +16,7 @@ from sweeps.engine.cache.packs import seal
 from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import stores as of_stores
 from sweeps.report.command import main
-from sweeps.report.places import tables_folder
+from sweeps.report.outputs import tables_folder
 from sweeps.report.summary import report
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]

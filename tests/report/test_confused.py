@@ -7,7 +7,7 @@ from pages import page_of, parsed, read_page, stored
 
 from sweeps.report.confusion import confusion_frame, most_confused, read_predictions
 from sweeps.report.frames import read_frames
-from sweeps.report.places import page_file
+from sweeps.report.outputs import page_file
 from sweeps.report.stores import opened
 
 SHIPS, ASPECTS = ["duncan", "horne", "texas"], [0.0, 30.0, 60.0]

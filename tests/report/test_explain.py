@@ -8,7 +8,7 @@ from stores import reported
 
 from sweeps.report.explain import glossary, meaning
 from sweeps.report.frames import read_frames
-from sweeps.report.places import page_file
+from sweeps.report.outputs import page_file
 
 ABBREVIATIONS = ("ACN", "MNN", "IFOV", "CNR", "NEdT", "chance", "n", "interval", "vigilance")
 

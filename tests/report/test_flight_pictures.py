@@ -13,7 +13,7 @@ import ncti.ships
 from ncti.irar import Chain, Flight, fly, ship_heading
 from sweeps.engine.store.tables import restore_scalars
 from sweeps.report.flights import correction_stages, known_ship, scan_of
-from sweeps.report.places import tables_folder
+from sweeps.report.outputs import tables_folder
 
 PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
 

@@ -16,12 +16,11 @@ from stores import contents, reported, rows_of, signed
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.manifest import MANIFEST
-from sweeps.report import own
+from sweeps.report import outputs
 from sweeps.report.files import neutralise_formula, write_tables
 from sweeps.report.frames import Column, Frame, read_frames
-from sweeps.report.own import WRITTEN
+from sweeps.report.outputs import WRITTEN, page_file, tables_folder
 from sweeps.report.pivot import lay_out
-from sweeps.report.places import page_file, tables_folder
 from sweeps.report.summary import report
 from sweeps.report.terminal import entry_text
 
@@ -186,7 +185,7 @@ def test_tables_that_cannot_be_written_are_printed_all_the_same(store, monkeypat
     def full(path, content):
         raise OSError("no more room")
 
-    monkeypatch.setattr(own, "write_atomically", full)
+    monkeypatch.setattr(outputs, "write_atomically", full)
     assert reported(monkeypatch, store) == 2
     captured = capsys.readouterr()
     assert "identified correctly" in captured.out
@@ -289,7 +288,7 @@ def test_changed_tables_and_pages_stay(store, tmp_path, monkeypatch, capsys):
 def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeypatch, step):
     folder = tmp_path / "s-tables"
     write(folder, "scores")
-    written, put = [], own.write_atomically
+    written, put = [], outputs.write_atomically
 
     def interrupted(path, content):
         written.append(path)
@@ -297,7 +296,7 @@ def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeyp
             raise KeyboardInterrupt
         put(path, content)
 
-    monkeypatch.setattr(own, "write_atomically", interrupted)
+    monkeypatch.setattr(outputs, "write_atomically", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write(folder, "scores", value=2)
     monkeypatch.undo()
@@ -308,7 +307,7 @@ def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeyp
 def put_each(folder, names):
     """Write files one by one, as a report does."""
     for name in names:
-        own.write_own_files(folder, {name: name.encode()})
+        outputs.write_own_files(folder, {name: name.encode()})
 
 
 def test_reports_at_once_list_the_files_of_both(tmp_path):

@@ -15,7 +15,7 @@ from stores import printed
 
 from sweeps.engine.run.schedule import Progress
 from sweeps.report.frames import Column, Frame, frame, read_frames
-from sweeps.report.places import page_file
+from sweeps.report.outputs import page_file
 from sweeps.report.scales import axis_of, figure_of, scale_of
 from sweeps.report.work import write_work
 

@@ -16,9 +16,9 @@ from stores import reported
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.run.schedule import Progress
+from sweeps.report.outputs import page_file
 from sweeps.report.page import write
 from sweeps.report.pictures import pictures_of, ships_of
-from sweeps.report.places import page_file
 from sweeps.report.summary import tables_of, write_store_page
 from sweeps.report.work import read_work, write_work
 

@@ -17,8 +17,8 @@ from rich.console import Console
 from sweeps.report import chart
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
+from sweeps.report.outputs import page_file
 from sweeps.report.pivot import select_main
-from sweeps.report.places import page_file
 from sweeps.report.stores import attributes
 from sweeps.report.stores import opened as store_of
 from sweeps.report.summary import report_comparison, tables_of, write_store_page

@@ -15,7 +15,7 @@ from stores import reported, rows_of
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.function.sweep import sweep
-from sweeps.report.places import page_file
+from sweeps.report.outputs import page_file
 from sweeps.report.summary import finish, print_answer, report, tables_of
 
 

@@ -8,7 +8,7 @@ from ncti.classify import GaussianTemplates
 from sweeps.engine.declare.settings import read_choices
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import classifier
-from sweeps.stages.views import settings_by_last_word
+from sweeps.stages.arguments import settings_by_last_word
 
 SHIPS = 3
 # Both sides of every edge between aspect bins, and their numbers.

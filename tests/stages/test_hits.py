@@ -6,7 +6,7 @@ import trimesh
 
 from ncti.infrared import Hits, silhouette
 from ncti.render import line_image, range_image
-from sweeps.stages.views import restore
+from sweeps.stages.arguments import restore
 
 VIEW = {"aspect": 25.0, "depression": 3.84}
 PLACE = (0.3, 0.8)

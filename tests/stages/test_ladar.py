@@ -12,7 +12,7 @@ from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.ladar.window import EDGE
 from ncti.render import Sampling
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.stages import ladar, views
+from sweeps.stages import ladar, meshes, views
 from sweeps.stages.ships import ship_name
 
 SIGNAL = {"pulse_width": 30e-9, "target_free_ifovs": 100}
@@ -97,9 +97,17 @@ def test_places_are_uniform_and_of_each_draw_alone():
 
 def test_a_window_holds_every_ship_with_both_ends_free():
     hull = views.hull(ship_name("spruance"))
-    reach = np.linalg.norm(views.read_mesh(hull).vertices, axis=1).max()
+    reach = np.linalg.norm(meshes.read_mesh(hull).vertices, axis=1).max()
     pulse = 30e-9 * SPEED_OF_LIGHT / math.sqrt(2)
     needed = (2 * reach + pulse) / (1 - 2 * EDGE)
     ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) + 1e-6))
     with pytest.raises(ConfigurationError, match=r"to hold spruance and leave 8% free"):
         ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) - 1e-6))
+
+
+def test_classifiers_declare_that_covariances_are_stored_for_them(monkeypatch):
+    """As `docs/own_classifier.md` says; here correlation stands for a user's own."""
+    choices = choose(classifier__name="correlation")
+    assert not ladar.stores_moments(choices)
+    monkeypatch.setitem(ladar.WITH_MOMENTS, "correlation", {"range"})
+    assert ladar.stores_moments(choices)

@@ -7,7 +7,7 @@ from range_channel import choose
 
 import ncti.ships
 from sweeps.engine.declare.stage import value_token
-from sweeps.stages import views
+from sweeps.stages import meshes, views
 from sweeps.stages.ships import ship_name
 from sweeps.stages.views import Grid
 
@@ -30,5 +30,5 @@ def test_a_transform_counts_in_the_key_of_results(tmp_path, monkeypatch):
     assert value_token(turned) == value_token(same) != value_token(other)
     plain = ncti.ships.digest("duncan")
     assert views.hull(ship(path="duncan")).digest == views.hull(ship_name("duncan")).digest == plain
-    np.testing.assert_allclose(views.read_mesh(turned).extents, (60, 10, 21), atol=1e-5)
-    assert views.description(turned).length == pytest.approx(60)
+    np.testing.assert_allclose(meshes.read_mesh(turned).extents, (60, 10, 21), atol=1e-5)
+    assert meshes.description(turned).length == pytest.approx(60)

@@ -9,7 +9,7 @@ from ncti.render import Sampling, line_image, refined
 from sweeps.engine.declare.settings import CACHE_VARIABLE, read_choices
 from sweeps.engine.declare.stage import value_token
 from sweeps.experiment import EXPERIMENT
-from sweeps.stages import views
+from sweeps.stages import meshes, views
 from sweeps.stages.ships import ship_name
 
 
@@ -43,12 +43,12 @@ def test_a_ship_that_changed_is_refused(box):
 
 def test_many_ships_are_built_before_they_are_checked(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    monkeypatch.setattr(views, "FEW_SHIPS", 2)
+    monkeypatch.setattr(meshes, "FEW_SHIPS", 2)
     names = ["duncan@0.11", "duncan@0.12", "duncan@0.13"]
     views.check(read_choices(EXPERIMENT.declared, {"grid.ship": names[:2]}))
     assert caplog.messages == []
     (tmp_path / "meshes").rename(tmp_path / "two")
-    views.description.cache_clear()
+    meshes.description.cache_clear()
     views.check(read_choices(EXPERIMENT.declared, {"grid.ship": names}))
     assert caplog.messages == ["building 3 ships (once)"]
     assert len([*(tmp_path / "meshes").iterdir()]) == 3

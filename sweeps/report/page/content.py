@@ -7,9 +7,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ncti.ships.errors import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.changes import change_sentences as changes
-from sweeps.report.changes import settings_sentence, settings_that_differ
+from sweeps.report.changes import change_sentences, settings_sentence, settings_that_differ
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_frame, read_predictions
@@ -21,7 +21,7 @@ from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
 from sweeps.report.pivot import lay_out, select_main
 from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, opened
-from sweeps.report.words import is_missing, preferred_value, printable_text
+from sweeps.report.words import is_missing, preferred_value
 from sweeps.report.work import NAME as WORK
 
 MOST = 4_000  # rows of a table; the CSV file has all
@@ -70,7 +70,7 @@ def comparison_content(compared: Comparison) -> dict[str, Any]:
     return {
         "store": title,
         "about": {"title": "Comparison of sweeps"},
-        "headline": changes(compared),
+        "headline": change_sentences(compared),
         "accuracy": [settings_sentence(compared)],
         "states": [(name, state) for name, state in states if state.word != "complete"],
         "compared": compared.names,
@@ -222,10 +222,10 @@ def _json_value(value: Any) -> Any:
     """Return a value of a frame for JSON, with control characters escaped."""
     if is_missing(value) or (isinstance(value, float) and not math.isfinite(value)):
         return None
-    return printable_text(value) if isinstance(value, str) else value
+    return printable(value) if isinstance(value, str) else value
 
 
 def _words_of(frame: Frame, name: str) -> dict[str, str]:
     """Return the words of the values of an axis, by value."""
     words = frame.columns[name].text
-    return {printable_text(str(value)): words(value) for value in values_of(frame.rows, name)}
+    return {printable(str(value)): words(value) for value in values_of(frame.rows, name)}

@@ -10,10 +10,11 @@ from typing import Any
 import pandas as pd
 import zarr
 
+from ncti.ships.errors import printable
 from sweeps.engine.declare.stage import STATUS
 from sweeps.report.frames import Frame
 from sweeps.report.stores import attributes, failed_cells, list_groups, read_group
-from sweeps.report.words import printable_text, unit_of, value_text
+from sweeps.report.words import is_number, unit_of, value_text
 
 CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 STATES = (1, 0, -1)  # of a cell: done, failed, missing
@@ -64,7 +65,7 @@ def status_of(store: Any, work: Frame | None = None) -> Status:
         read_group(store, STATUS).data_vars.items() if STATUS in list_groups(store) else ()
     ):
         counts = tuple(int((array.values == state).sum()) for state in STATES)
-        parts[printable_text(str(name).replace("_", " "))] = counts
+        parts[printable(str(name).replace("_", " "))] = counts
     rows = work.rows if work is not None else pd.DataFrame(columns=["done", "reused", "failed"])
     done, reused, failed = (int(rows[name].sum()) for name in ("done", "reused", "failed"))
     return Status(parts, failed_cells(store), (done + reused, failed))
@@ -97,13 +98,12 @@ def swept_settings(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tupl
 
 def values_in_words(values: list[Any], unit: str) -> str:
     """Return values in words; of many numbers, the ends."""
-    numbers = [v for v in values if isinstance(v, int | float) and not isinstance(v, bool)]
-    if len(values) > VALUES and len(numbers) == len(values):
-        ends = f"{value_text(min(numbers))} to {value_text(max(numbers))} {unit}".strip()
+    if len(values) > VALUES and all(map(is_number, values)):
+        ends = f"{value_text(min(values))} to {value_text(max(values))} {unit}".strip()
         return f"{ends}, {len(values)} values"
     return f"{', '.join(map(value_text, values))} {unit}".strip()
 
 
 def yaml_text(value: Any) -> str:
     """Return a value of the configuration as YAML, on one line."""
-    return printable_text(json.dumps(value, ensure_ascii=False))
+    return printable(json.dumps(value, ensure_ascii=False))

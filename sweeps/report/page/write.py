@@ -11,14 +11,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sweeps.report
+from ncti.ships.errors import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 from sweeps.report import explain
 from sweeps.report.frames import Frame
-from sweeps.report.own import BEGINNING, PAGE, UNKNOWN, is_free, seal_page, write_atomically
-from sweeps.report.places import page_file
-from sweeps.report.words import printable_text
+from sweeps.report.outputs import (
+    BEGINNING,
+    PAGE,
+    UNKNOWN,
+    is_free,
+    page_file,
+    seal_page,
+    write_atomically,
+)
 
 if TYPE_CHECKING:
     from sweeps.report.compare import Comparison
@@ -93,7 +100,7 @@ def render_template(template: str, content: Mapping[str, Any], stamp: str = "") 
     def escape_value(value: Any) -> Any:
         """Return the value of an expression, with control characters of texts escaped."""
         if isinstance(value, str) and not isinstance(value, Markup):
-            return printable_text(value)
+            return printable(value)
         return value
 
     def heading_meanings(heading: str) -> str:

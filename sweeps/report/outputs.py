@@ -1,7 +1,8 @@
-"""Files beside a store that the report wrote: only these are replaced or removed, if unchanged.
+"""Files that the report writes beside a store: their paths, and which of them it may replace.
 
-The folder of tables has a list of them with their digests, as of `sha256sum`. A page contains the
-digest of the rest of it.
+Only files that a report wrote are replaced or removed, if unchanged. The folder of tables has a
+list of them with their digests, as of `sha256sum`. A page contains the digest of the rest of it.
+Imports nothing that takes long.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sweeps.report.words import printable_text
+from ncti.ships.errors import printable
+from sweeps.engine.declare.paths import PathOrUrl, path_beside
 
+SUFFIX = ".zarr"
 WRITTEN = ".written"  # the list of a folder
 PAGE = "ncti-page"  # name of the meta element with the digest of a page
 UNKNOWN = 64 * "0"  # in place of the digest, when it is computed
@@ -28,6 +31,28 @@ Listed = dict[str, tuple[str, ...]]  # digests by name
 
 _LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
 _PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.encode())
+
+
+def report_paths(path: PathOrUrl) -> tuple[Path, Path]:
+    """Return the folder of tables and the file of the page of a store."""
+    return tables_folder(path), page_file(path)
+
+
+def tables_folder(path: PathOrUrl) -> Path:
+    """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
+    return _sibling_path(path, "tables")
+
+
+def page_file(path: PathOrUrl) -> Path:
+    """Return the file of a store's page: of `q.zarr` `q-report.html`, of `q` `q.report.html`."""
+    return _sibling_path(path, "report.html")
+
+
+def _sibling_path(path: PathOrUrl, suffix: str) -> Path:
+    neighbour = path_beside(path)
+    if neighbour.name.endswith(SUFFIX):
+        return neighbour.with_name(f"{neighbour.name.removesuffix(SUFFIX)}-{suffix}")
+    return neighbour.with_name(f"{neighbour.name}.{suffix}")
 
 
 def write_own_files(
@@ -129,7 +154,7 @@ def is_free(path: Path) -> bool:
 
 def blocked_sentence(kept: Sequence[Path]) -> str:
     """Return a sentence on files that are in the way."""
-    names = ", ".join(printable_text(repr(str(path))) for path in kept[:NAMED])
+    names = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
     if (unlisted := len(kept) - NAMED) > 0:
         names += f" and {unlisted} more"
     reason = (

@@ -1,0 +1,120 @@
+"""Meshes of the ships of a configuration: their sources and digests, read and described once."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from platformdirs import user_cache_path
+
+import ncti.ships
+from ncti.render.far_field import reach_of
+from ncti.ships import Transform
+from ncti.ships.ahead import build_ahead
+from ncti.ships.loading import is_built
+from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.settings import CACHE_VARIABLE
+from sweeps.stages.ships import ShipName
+
+if TYPE_CHECKING:
+    import trimesh
+
+AS_IT_IS = Transform()  # of a mesh that is in the ship frame
+FEW_SHIPS = 4  # that this process builds while workers import
+
+LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Hull:
+    """Source of a mesh: a name or path, its transform, and the hash of both and the builder."""
+
+    source: str
+    digest: str
+    transform: Transform = AS_IT_IS
+
+    @property
+    def identity(self) -> str:
+        """Hash that results depend on, without the location of the file."""
+        return self.digest
+
+
+def hull(ship: ShipName) -> Hull:
+    """Return the source of a ship's mesh; `ConfigurationError` if there is no such ship."""
+    try:
+        digest = ncti.ships.digest(ship.source, **asdict(ship.transform))
+        return Hull(ship.source, digest, ship.transform)
+    except ncti.ships.ShipError as error:
+        raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
+
+
+@lru_cache(maxsize=16)
+def read_mesh(hull: Hull) -> trimesh.Trimesh:
+    """Return a ship's mesh, cached in this process; ValueError if it changed or is unfit."""
+    mesh = ncti.ships.load(hull.source, cache=_built_folder(), **asdict(hull.transform))
+    if mesh.metadata["digest"] != hull.digest:
+        raise ValueError(f"{hull.source} was changed while the sweep ran")
+    return mesh
+
+
+@lru_cache(maxsize=16)
+def description(hull: Hull) -> ncti.ships.Description:
+    """Return measures and vertices of a ship, faster than `read_mesh`; ValueError if unfit."""
+    return ncti.ships.describe(hull.source, cache=_built_folder(), **asdict(hull.transform))
+
+
+@lru_cache(maxsize=16)
+def is_symmetric(hull: Hull) -> bool:
+    """Return whether both sides of a ship are alike."""
+    return ncti.ships.is_symmetric(read_mesh(hull))
+
+
+@lru_cache(maxsize=4096)
+def reach(hull: Hull) -> float:
+    """Return the largest distance of a ship's vertices from its origin [m]."""
+    return reach_of(description(hull).vertices)
+
+
+def fault_hint(ship: ShipName) -> str:
+    """Return a hint at a ship's fault for the end of a message; empty if there is none."""
+    described = description(hull(ship))
+    if described.mend is None:
+        return ""
+    mend = f"{{{described.mend}}}" if str(described.mend) else "no transform"
+    return f"; {ship} {described.findings[0]}: if so, use {mend}"
+
+
+def check(ships: Sequence[ShipName]) -> None:
+    """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
+    hulls = [hull(ship) for ship in ships]
+    _build_many([each.source for each in hulls])
+    for each in hulls:
+        try:
+            description(each)
+        except ValueError as error:
+            raise ConfigurationError(f"grid.ship has {each.source!r}: {error}") from error
+
+
+def _build_many(ships: Sequence[str]) -> None:
+    """Build ships on all processors if there are many; a few are built while workers import."""
+    folder = _built_folder()
+    missing = [ship for ship in ships if not is_built(ship, cache=folder)]
+    if len(missing) > FEW_SHIPS:
+        LOG.warning("building %d ships (once)", len(missing))
+        build_ahead(missing, cache=folder)
+
+
+def cache_folder() -> Path:
+    """Return the folder of finished results: that of the environment, or the user's."""
+    folder = os.environ.get(CACHE_VARIABLE)
+    return Path(folder) if folder else user_cache_path("ncti-sweep")
+
+
+def _built_folder() -> Path:
+    """Return the folder of built ships."""
+    return cache_folder() / "meshes"
