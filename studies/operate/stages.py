@@ -230,6 +230,18 @@ CHEAPEST = Display(
         "setting of the sweep suffices.",
     ),
 )
+STAGES = (
+    operate_views,
+    operate_lines,
+    operate_footprint,
+    operate_seen,
+    operate_signatures,
+    operate_shown,
+    operate_silhouettes,
+    operate_trial,
+    identified,
+    operate_channels,
+)
 TABLES = (
     OPERATED.table(
         "operate", lambda *inputs: tables.tabulate_frames(expand_single_values(*inputs)), FRAMES

@@ -213,6 +213,11 @@ def _labelled_columns(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.D
 
 
 _shown = partial(Figure, format=".0f")
+STAGES = (
+    reproduced,
+    parameter_names,
+    figure_names,
+)
 TABLES = (
     SETTINGS.table(
         "reproduction",

@@ -345,6 +345,18 @@ def figure_at_target(figure: Floats, error: Floats) -> float:
     return float(np.exp(np.interp(np.log(TARGET), x, y)))
 
 
+STAGES = (
+    exact_extent,
+    exact_ifovs,
+    exact_signature,
+    profile_noise,
+    timed_view,
+    timed_beam,
+    timed_image,
+    sampled,
+    timed,
+    changed,
+)
 TABLES = (
     TIMED.table("run_time", tabulate_nominal),
     TIMED.table("run_time_cost", tabulate_cost),

@@ -405,4 +405,22 @@ DISPLAY = Display(
         "takes as many at every place of the field.",
     ),
 )
+STAGES = (
+    scan_names,
+    scan_edges,
+    field,
+    survey,
+    scan_target,
+    scan_decoy,
+    targets,
+    scan_imager,
+    detected,
+    laser,
+    rates,
+    moments,
+    templates,
+    known,
+    visited,
+    outcome,
+)
 TABLES = (FIELD.table("scan", tabulate, DISPLAY),)
