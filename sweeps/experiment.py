@@ -3,8 +3,8 @@
 Modules come from `sweeps.stages` and from entry points of installed packages in the group
 `sweeps.modules`. A module declares groups of settings, and any of the following:
 
-- `TABLES`: its tables
-- `STAGES`: its stages, singly or in tuples; by default all that it imports or defines
+- `STAGES` and `TABLES`: its stages, singly or in tuples, and its tables; the stages of a script
+  need no list
 - `SENSOR` or `NAME`: its name, if it is a sensor or a classifier
 - `CONF`: a folder of configuration files, such as `experiment/mine.yaml`
 - `WORDS`: by setting, the attribute in which modules list the allowed words of the setting
@@ -163,7 +163,7 @@ def groups_of(module: Any) -> tuple[type[Settings], ...]:
 
 
 def stages_of(modules: Iterable[Any]) -> tuple[Stage, ...]:
-    """Return the stages that some modules list as STAGES, or else define or import."""
+    """Return the stages that some modules list as STAGES; the stages of a script need no list."""
     listed = (getattr(module, "STAGES", vars(module).values()) for module in modules)
     values = (value for values_of_module in listed for value in values_of_module)
     tuples = (value if isinstance(value, tuple) else (value,) for value in values)

@@ -364,6 +364,18 @@ acn_infrared = replace(
     along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     **SILHOUETTES,
 )
+
+
+STAGES = (
+    profile_training_set,
+    silhouette_training_set,
+    profile_order,
+    silhouette_order,
+    acn_training,
+    acn,
+    acn_infrared_training,
+    acn_infrared,
+)
 TABLES = (
     *OF_RANGE.tables(rejecting=True, forming=True),
     *OF_INFRARED.tables(

@@ -513,3 +513,11 @@ def of_profiles(name: str, *own: str) -> ClassifierGroup:
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))
 
 WORDS = {Classifier.name: "NAME"}
+
+
+STAGES = (
+    test_aspects,
+    training_views,
+    PROFILE_MARKS,
+    IMAGE_MARKS,
+)

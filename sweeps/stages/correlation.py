@@ -137,4 +137,8 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
+STAGES = (
+    profile_draws,
+    correlation,
+)
 TABLES = ANSWERS.tables(rejecting=True)

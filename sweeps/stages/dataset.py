@@ -225,6 +225,12 @@ def loops(choices: Choices) -> list[Loops]:
     return [FRAMES, engine_loops(LINES), IMAGES] if looks(SENSOR)(choices) else []
 
 
+STAGES = (
+    profile_rows,
+    silhouette_rows,
+    row_bins,
+    row_cells,
+)
 TABLES = tuple(
     group.table(
         group.path,

@@ -369,6 +369,20 @@ LISTED = {
     **{"transom_ratio": ".2f", "mast_position": ".1f", "mast_ratio": ".2f"},
     **{"forward_position": ".1f", "forward_ratio": ".2f"},
 }
+STAGES = (
+    receivers,
+    flight_place,
+    course,
+    flight_draw,
+    flown_pass,
+    truth,
+    scan,
+    navigation,
+    flight_chain,
+    corrected,
+    profile_sources,
+    flight_bins,
+)
 TABLES = (
     FLIGHTS.table(
         "flights",

@@ -289,4 +289,10 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
+STAGES = (
+    silhouette_constants,
+    profile_outlier_fraction,
+    fusion,
+    fusion_draws,
+)
 TABLES = ANSWERS.tables(labels={"classifier": NAME})

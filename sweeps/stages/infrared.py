@@ -505,6 +505,24 @@ def loops(choices: Choices) -> list[Loops]:
     return [IMAGES] + [engine_loops(MASK)] * masked
 
 
+STAGES = (
+    silhouette_engine,
+    infrared_images,
+    training_images,
+    hits,
+    training_hits,
+    imager,
+    detector_view,
+    infrared_window,
+    thermal_image,
+    image_window,
+    detection_probability,
+    reconstruction_error,
+    map_cells,
+    silhouettes,
+    log_polar,
+    template_log_polar,
+)
 TABLES = (
     _image_table(
         "sensor",

@@ -383,3 +383,23 @@ def _check_cnr(choices: Choices) -> None:
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that frames and their densities take."""
     return [FRAMES] * looks(RANGE)(choices) + [DENSITIES] * stores_moments(choices)
+
+
+STAGES = (
+    shift,
+    cnr_at_range,
+    seen_shift,
+    extent,
+    ifovs,
+    seen_extent,
+    seen_ifovs,
+    fineness,
+    profile_error,
+    within_tolerance,
+    expected,
+    above_floor,
+    averaged,
+    covariance,
+    profile_bins,
+    lags,
+)

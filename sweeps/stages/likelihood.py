@@ -463,4 +463,18 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
+STAGES = (
+    prior,
+    alternative_views,
+    template_shift,
+    placed_extent,
+    placed_ifovs,
+    placed_profile,
+    profile_moments,
+    calibrated_error,
+    profile_templates,
+    alternative_templates,
+    track,
+    likelihood,
+)
 TABLES = ANSWERS.tables(rejecting=True)

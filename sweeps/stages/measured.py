@@ -241,4 +241,19 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     return tabulate_scores(known, classifier.aspect_masks(choices), classifier.PROFILES)
 
 
+STAGES = (
+    flight_images,
+    flight_cnr,
+    flight_extent,
+    flight_ifovs,
+    learned_signature,
+    test_signature,
+    signature,
+    signature_kinds,
+    acn_settings,
+    training_method,
+    namer,
+    measured,
+    measured_kinds,
+)
 TABLES = ANSWERS.tables(tabulate_measured, labels={"channel": views.RANGE}, scored="own rule")

@@ -210,4 +210,9 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
     return network
 
 
+STAGES = (
+    mnn_settings,
+    mnn_training,
+    mnn,
+)
 TABLES = ANSWERS.tables(scored="ship and aspects")

@@ -131,3 +131,6 @@ def about(choices: Choices) -> list[str]:
         if details.findings
     ]
     return [printable(line) for line in lines]
+
+
+STAGES = (portrait,)

@@ -328,3 +328,16 @@ def loops(choices: Choices) -> list[Loops]:
 
 
 WORDS = {Sweep.sensor: "SENSOR"}
+
+
+STAGES = (
+    hull,
+    hulls,
+    drawing_engine,
+    depression,
+    mesh,
+    drawn_aspect,
+    drawn_range,
+    sampling,
+    image,
+)
