@@ -8,7 +8,15 @@ from dataclasses import replace
 from sweeps.report.contest import Rival, find_rivals, main_axis
 from sweeps.report.frames import Frame, values_of
 from sweeps.report.headline import settings_of
-from sweeps.report.pivot import Entry, Line, Table, lay_out, make_entry, select_main
+from sweeps.report.pivot import (
+    Entry,
+    Line,
+    Table,
+    lay_out,
+    make_entry,
+    select_main,
+    title_with_unit,
+)
 from sweeps.report.terminal import count_fitting_columns
 from sweeps.report.words import OVERALL
 
@@ -38,7 +46,7 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
     )
     table, left_out = _narrow_table(table, width)
     # The headline states the level of chance, and the setting of the best classifier.
-    sentences = (*notes, left_out, _other_settings(frame, rivals))
+    sentences = (*notes, *frame.joint, left_out, _other_settings(frame, rivals))
     return replace(table, notes=tuple(text for text in sentences if text))
 
 
@@ -76,9 +84,8 @@ def _axis_table(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
     ]
     independent = [f"{r.name} {_rival_text(frame, r)}" for r in rivals if not r.axis]
     notes = [f"Whatever the {column.words}: {'; '.join(independent)}."] if independent else []
-    return Table(
-        frame.name, frame.title, (column,), tuple(r.name for r in along), tuple(lines), tuple(notes)
-    )
+    title, heads = title_with_unit(frame), tuple(rival.name for rival in along)
+    return Table(frame.name, title, (column,), heads, tuple(lines), tuple(notes))
 
 
 def _rival_table(frame: Frame, rivals: Sequence[Rival]) -> Table:

@@ -188,9 +188,7 @@ def _no_overlap_reason(
     for table in common:
         first_frame, second_frame = first_frames[table], second_frames[table]
         for axis in (
-            name
-            for name in second_frame.columns_of_role("axis")
-            if name in first_frame.columns_of_role("axis")
+            name for name in second_frame.place_columns if name in first_frame.place_columns
         ):
             values = [values_of(frame.rows, axis) for frame in (first_frame, second_frame)]
             if all(values) and not {*values[0]} & {*values[1]}:
@@ -220,14 +218,12 @@ def _subtract_frames(first: Frame, second: Frame, labels: Mapping[str, str]) -> 
         for name in second.figures
         if name in first.figures and second.rows[name].dtype.kind in "fiu"
     ]
-    axes = [
-        name for name in second.columns_of_role("axis") if name in first.columns_of_role("axis")
-    ]
+    axes = [name for name in second.place_columns if name in first.place_columns]
     labelled = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
-    varying = {*first.varying_axes, *second.varying_axes, *labelled}
-    shared = [name for name in axes if name in varying]
+    varying = {n for frame in (first, second) for n in axes if frame.rows[n].nunique() > 1}
+    shared = [name for name in axes if name in varying | labelled]
     unshared = [
-        (frame, [name for name in frame.columns_of_role("axis") if name not in axes])
+        (frame, [name for name in frame.place_columns if name not in axes])
         for frame in (first, second)
     ]
     first_rows, second_rows = (

@@ -91,12 +91,13 @@ def find_rivals(frame: Frame, axis: str) -> list[Rival]:
     have, such as those at which no cell failed, and equal ones by simplicity. Others stay in their
     order, after the one that is shown first.
     """
-    figure, names = frame.figures[0], _name_columns(frame, axis)
+    figure = frame.figures[0]
+    frame = frame.where(frame.rows[figure].notna())
+    names = _name_columns(frame, axis)
     main = select_main(frame, [*names, *[axis] * bool(axis)])
     if across := main.across:
         first = preferred_value(main.columns[across].axis, values_of(main.rows, across))
         main = main.select(across, first)
-    main = main.where(main.rows[figure].notna())
     if "scored" in names and (main.rows.scored == SHIP).any():
         main = main.where(main.rows.scored == SHIP)
     groups = main.rows.groupby(names, dropna=False, sort=False) if names else [((), main.rows)]

@@ -32,6 +32,7 @@ from sweeps.report.words import (
 HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")
+MOST_POINTS = 6  # of settings that run together, to be listed
 TENTHS = 1  # decimals of percentages in files
 PART = "part"  # column with the number of the part of a frame, not in files
 FIRST = (
@@ -50,7 +51,7 @@ class Column:
     words: str
     unit: str = ""
     meaning: str = ""
-    role: str = "axis"  # or figure, low, high, beside, article, chance
+    role: str = "axis"  # or along an axis; figure, low, high, beside, article, chance
     format: str = ".4g"
     listed: bool = True
     digits: int | None = None  # decimals in files; None: all
@@ -68,7 +69,7 @@ class Column:
             return WORDS[value]
         if isinstance(value, float) and math.isinf(value):
             return self.infinite
-        return value_text(value, self.format if self.role != "axis" else "g")
+        return value_text(value, "g" if self.role in ("axis", "along") else self.format)
 
     def in_words(self, value: Any) -> str:
         """Return a value with the words of its axis, and its unit."""
@@ -99,6 +100,7 @@ class Frame:
     down: tuple[str, ...] = ()  # columns of axes down, before others
     across: str = ""  # column of the axis across, if any
     notes: tuple[str, ...] = ()
+    joint: tuple[str, ...] = ()  # sentences on settings that run along one axis
 
     def columns_of_role(self, role: str, figure: str = "") -> list[str]:
         """Return names of the columns of a role, of one figure if given."""
@@ -122,9 +124,14 @@ class Frame:
         return [name for name in self.columns_of_role("figure") if self.columns[name].listed]
 
     @property
+    def place_columns(self) -> list[str]:
+        """Names of the columns that place a row: axes, and coordinates that run along one."""
+        return [*self.columns_of_role("axis"), *self.columns_of_role("along")]
+
+    @property
     def names_by_axis(self) -> dict[str, str]:
-        """Names of the columns of axes, by the names of the axes."""
-        return {self.columns[name].axis: name for name in self.columns_of_role("axis")}
+        """Names of the columns that place a row, by the names of the coordinates."""
+        return {self.columns[name].axis: name for name in self.place_columns}
 
     @cached_property
     def varying_axes(self) -> list[str]:
@@ -250,9 +257,14 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     }
     axes = [str(name) for name in flat if name not in data.data_vars]
     axes.sort(key=lambda name: name == display.columns)
+    main_coordinates = {dim: main_coordinate(data, dim) for dim in map(str, data.dims)}
+    joint = []
     for axis in axes:
-        column = column_of_axis(data, axis)
+        is_axis = axis in main_coordinates.values() or not data[axis].ndim
+        column = replace(column_of_axis(data, axis), role="axis" if is_axis else "along")
         columns[column.name], rows[column.name] = column, _to_plain_dtype(flat[axis])
+    for dim, main_name in main_coordinates.items():
+        joint += _joint_sentence(data, dim, main_name)
     for name, (variable, column) in figure_columns.items():
         values = _to_plain_dtype(flat[variable])
         columns[name] = column
@@ -262,7 +274,9 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
         name = f"{main}_by_chance"
         columns[name] = Column(name, main, "chance", columns[main].unit, "", "chance", ".0f")
         rows[name] = pd.Series(float(display.chance), index=flat.index)  # type: ignore[arg-type]
-    column_names = {column.axis: name for name, column in columns.items() if column.role == "axis"}
+    column_names = {
+        column.axis: name for name, column in columns.items() if column.role in ("axis", "along")
+    }
     views = {"views": int(table.view_count.max())} if "view_count" in table else {}
     variables = {name: variable for name, (variable, _) in figure_columns.items()}
     dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
@@ -275,7 +289,48 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
         down=tuple(column_names[name] for name in display.rows if name in column_names),
         across=column_names.get(display.columns, ""),
         notes=display.notes,
+        joint=tuple(joint),
     )
+
+
+def main_coordinate(data: xr.Dataset, dim: str) -> str:
+    """Return the coordinate that is the axis of a dimension, along which others may run.
+
+    It is that of the dimension, unless this lists the values of others, as in 'mass=3,limit=9', or
+    is absent: then it is the first one of distinct values.
+    """
+    if dim in data.coords and not any("=" in str(label) for label in data[dim].values):
+        return dim
+    for name in _coordinates_along(data, dim):
+        if name != dim and len({*data[name].values.tolist()}) == data.sizes[dim]:
+            return name
+    return dim
+
+
+def _coordinates_along(data: xr.Dataset, dim: str) -> list[str]:
+    """Return the coordinates of one dimension alone, in the order in which it names them."""
+    names = [str(name) for name, values in data.coords.items() if values.dims == (dim,)]
+    return sorted(names, key=lambda name: dim.find(name) if name in dim else len(dim))
+
+
+def _joint_sentence(data: xr.Dataset, dim: str, main_name: str) -> list[str]:
+    """Return a sentence on the settings that run along a dimension, if there are several."""
+    others = [name for name in _coordinates_along(data, dim) if name not in (dim, main_name)]
+    if not others:
+        return []
+    main, *columns = (column_of_axis(data, name) for name in (main_name, *others))
+    if data.sizes[dim] > MOST_POINTS:
+        return [f"Along {main.words} run {', '.join(column.words for column in columns)}."]
+    points = [
+        f"{main.in_words(value)}: "
+        + ", ".join(
+            column.in_words(data[name].values.tolist()[number])
+            for name, column in zip(others, columns, strict=True)
+        )
+        for number, value in enumerate(data[main_name].values.tolist())
+    ]
+    text = "; ".join(points)
+    return [f"{text[0].upper()}{text[1:]}."]
 
 
 def _columns_of_figures(
@@ -359,8 +414,9 @@ def stack_frames(parts: Sequence[Frame]) -> Frame:
     columns = {name: column for part in parts for name, column in part.columns.items()}
     across = next((part.across for part in parts if part.across), "")
     labels = [name for part in parts for name in part.parts[0].display.labels]
-    axes = [name for name, column in columns.items() if column.role == "axis" and name != across]
-    figures = [name for name, column in columns.items() if column.role != "axis"]
+    places = ("axis", "along")
+    axes = [name for name, column in columns.items() if column.role in places and name != across]
+    figures = [name for name, column in columns.items() if column.role not in places]
     names = [*dict.fromkeys([*labels, *axes]), *[across] * bool(across), *figures]
     numbered = [part.rows.assign(**{PART: number}) for number, part in enumerate(parts)]
     rows = pd.concat(numbered, ignore_index=True) if len(numbered) > 1 else numbered[0]
@@ -372,6 +428,7 @@ def stack_frames(parts: Sequence[Frame]) -> Frame:
         down=tuple(dict.fromkeys(name for part in parts for name in part.down)),
         across=across,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        joint=tuple(dict.fromkeys(sentence for part in parts for sentence in part.joint)),
     )
 
 

@@ -156,24 +156,31 @@ def _figure_sentence(table: Frame, rival: Rival) -> str:
 
 
 def _describe_course(rival: Rival, column: Column) -> str:
-    """Return how a figure changes along an axis, such as 'falls from 3 at 1 to 2 at 5 km'."""
+    """Return how a figure changes along an axis, such as 'falls from 3 at 1 to 2 at 5 km'.
+
+    Along an axis without a unit, its words stand before each value.
+    """
     frame, ends = rival.frame, _end_labels(rival)
     axis, rows = frame.columns[rival.axis], frame.rows
     values = rows[column.name].astype(float)
     first, last = (float(values.loc[label]) for label in ends)
     texts = dict(zip(ends, _distinct_numbers(first, last, column), strict=True))
-    unit = axis.unit or axis.words
-    start, stop = _axis_texts([rows.at[label, rival.axis] for label in ends], axis)
+    words = f"{axis.words} " * (not axis.unit)
+    texts_of_ends = _axis_texts([rows.at[label, rival.axis] for label in ends], axis)
+    start, stop = (f"{words}{text}" for text in texts_of_ends)
+    stop = f"{stop} {axis.unit}".rstrip()
     interval = {label: make_entry(frame, label, column.name).interval for label in ends}
     first_text, last_text = (
         " ".join(filter(None, [texts[k], column.unit, f"[{interval[k]}]" * bool(interval[k])]))
         for k in ends
     )
     if texts[ends[0]] == texts[ends[1]]:
-        clause = f"is {first_text} at {start} and at {stop} {unit}"
+        clause = f"is {first_text} at {start} and at {stop}"
+    elif not pd.api.types.is_numeric_dtype(rows[rival.axis]):
+        clause = f"is {first_text} at {start} and {last_text} at {stop}"
     else:
         verb = "falls" if last < first else "rises"
-        clause = f"{verb} from {first_text} at {start} to {last_text} at {stop} {unit}"
+        clause = f"{verb} from {first_text} at {start} to {last_text} at {stop}"
     if not np.isfinite(values).all():
         return clause
     # An extreme between the ends is part of the answer.
@@ -184,7 +191,7 @@ def _describe_course(rival: Rival, column: Column) -> str:
     ):
         if beyond > 0.1 * (most - least):
             text = _distinct_numbers(float(values.loc[label]), last, column)[0]
-            clause += f", {word} {text} at {axis.text(rows.at[label, rival.axis])}"
+            clause += f", {word} {text} at {words}{axis.text(rows.at[label, rival.axis])}"
     return clause
 
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.store.tables import restore_scalars
-from sweeps.report.frames import displays_of, tidy_frame
+from sweeps.report.frames import displays_of, main_coordinate, tidy_frame
 from sweeps.report.page.content import chart_content
 from sweeps.report.page.write import render_template
 
@@ -86,8 +86,9 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
     frame = tidy_frame(table, display, "")
     assert frame is not None  # it has its figure
     by_axis = frame.names_by_axis
+    columns = {dim: by_axis[main_coordinate(table, dim)] for dim in (x, colour) if dim}
     content = chart_content(
-        {NAME: frame}, [x], "", along=by_axis[x], colour=by_axis.get(colour, "")
+        {NAME: frame}, [x], "", along=columns[x], colour=columns.get(colour, "")
     )
     return Chart(render_template("chart.html", content))
 

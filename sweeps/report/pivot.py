@@ -101,12 +101,21 @@ def lay_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
         columns = (*columns[:start], replace(columns[start], words=words, unit=""))
     return Table(
         frame.name,
-        frame.title,
+        title_with_unit(frame) if across else frame.title,
         columns,
         tuple(headings),
         tuple(lines),
         notes_of(frame),
     )
+
+
+def title_with_unit(frame: Frame) -> str:
+    """Return the title of a frame, with its main figure and its unit unless it states the unit."""
+    title, figure = frame.title, frame.columns[frame.figures[0]]
+    if not figure.unit or f"[{figure.unit}" in title:
+        return title
+    same = figure.words.lower() == title.lower()
+    return f"{title} [{figure.unit}]" if same else f"{title}: {figure.heading}"
 
 
 def _column_heading(column: Column, value: Any) -> str:
@@ -131,7 +140,7 @@ def _join_keys(line: Line, columns: Sequence[Column], start: int) -> Line:
 
 def notes_of(frame: Frame) -> tuple[str, ...]:
     """Return the notes of a table, on chance and on wide intervals, too."""
-    notes = [*frame.notes, chance_in_words(frame)]
+    notes = [*frame.notes, *frame.joint, chance_in_words(frame)]
     if frame.columns_of_role("low") and frame.has_overall:
         notes.append(
             "An interval of the whole takes in how much bins differ, and may be the widest."

@@ -155,7 +155,7 @@ def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
     table = xr.Dataset({"height": ("ripeness", [1.0, 4.0])}, {"ripeness": [1.0, 2.0]})
     table.height.attrs["units"] = "m"
     text = sentence(tmp_path, {"swept": ["ripeness"]}, tables__apples=table)
-    assert text == "Height rises from 1 m at 1 to 4 m at 2 ripeness."
+    assert text == "Height rises from 1 m at ripeness 1 to 4 m at ripeness 2."
     for path in (smoke_store, sisters):
         assert headline(read_frames(path), {})[0].endswith((".", "wide."))
 

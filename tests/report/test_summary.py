@@ -1,6 +1,7 @@
 """The end of a sweep: a headline, one table of figures that the files have, and paths."""
 
 import io
+import math
 import re
 import shlex
 
@@ -13,8 +14,9 @@ from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
-from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.errors import CallsFailed, ConfigurationError
 from sweeps.engine.function.sweep import sweep
+from sweeps.report.frames import frame
 from sweeps.report.outputs import page_file
 from sweeps.report.summary import finish, print_answer, report, tables_of
 
@@ -132,13 +134,60 @@ def test_a_function_over_a_grid_has_words_and_a_table(tmp_path):
     values = {"base": [2, 3], "exponent": [1, 2, 3]}
     sweep(power, values, store=tmp_path / "p.zarr", cache=tmp_path / "cache", cluster="inline")
     text = page(tmp_path / "p.zarr")
-    assert text.startswith("\nPower rises from 2 at 1 to 8 at 3 exponent, base 2.\n")
+    assert text.startswith("\nPower rises from 2 at exponent 1 to 8 at exponent 3, base 2.\n")
     heads, rows = table_of(text)
     assert "base 2  base 3" in heads[-2] and rows[:3] == [
         ["1", "2", "3"],
         ["2", "4", "9"],
         ["3", "8", "27"],
     ]
+
+
+def test_settings_that_run_together_are_one_axis(tmp_path):
+    """That of their labels, or of the first setting of distinct values; the others are noted."""
+    cases = {"base": ("case", [2, 3, 4]), "exponent": ("case", [10, 5, 7])}
+    for name, labels in (("labelled", {"case": ["a", "b", "c"]}), ("plain", {})):
+        values = xr.Dataset(cases, labels)
+        sweep(power, values, store=tmp_path / f"{name}.zarr", cache=tmp_path / "cache")
+    text = unwrapped(page(tmp_path / "labelled.zarr"))
+    assert text.startswith("Power is 1024 at case a and 16384 at case c.")
+    assert "Case a: base 2, exponent 10; case b: base 3, exponent 5; case c: base 4, exp" in text
+    text = page(tmp_path / "plain.zarr")
+    assert unwrapped(text).startswith("Power rises from 1024 at base 2 to 16384 at base 4.")
+    assert [row[0] for row in table_of(text)[1][:3]] == ["2", "3", "4"]
+    assert "Base 2: exponent 10; base 3: exponent 5; base 4: exponent 7." in unwrapped(text)
+    columns = frame(tmp_path / "plain.zarr", "power").columns
+    assert {"base", "exponent", "power"} <= set(columns)  # as the file has them
+
+
+def test_zipped_settings_have_a_curve(tmp_path):
+    table = scores(pulse_width=[10.0, 30.0]).rename(pulse_width="pulse_width_cnr")
+    labels = ["pulse_width=10,cnr=26", "pulse_width=30,cnr=32"]
+    table = table.assign_coords(
+        pulse_width_cnr=labels,
+        pulse_width=("pulse_width_cnr", [10.0, 30.0], {"units": "ns"}),
+        cnr=("pulse_width_cnr", [26.0, 32.0], {"units": "dB"}),
+    )
+    attributes = {"swept": ["pulse_width", "cnr"]}
+    text = unwrapped(page(stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))))
+    assert "at pulse width 10 ns, no better than chance, and" in text and "at 30 ns" in text
+    assert "Pulse width 10 ns: CNR 26 dB; pulse width 30 ns: CNR 32 dB." in text
+
+
+def test_a_table_across_states_the_unit_of_its_figure(tmp_path):
+    values, units = {"base": [2, 3], "exponent": [1, 2]}, {"power": {"units": "W"}}
+    sweep(power, values, store=tmp_path / "p.zarr", cache=tmp_path / "cache", attrs=units)
+    assert "\nPower [W]\n" in page(tmp_path / "p.zarr")
+
+
+def test_the_headline_is_of_results_that_exist(tmp_path):
+    def root(base, exponent):
+        return math.sqrt(base - 1) ** exponent
+
+    store = tmp_path / "r.zarr"
+    with pytest.warns(CallsFailed):
+        sweep(root, {"base": [-3, 0, 5], "exponent": [1, 2]}, store=store, cache=tmp_path / "c")
+    assert "Root is 2 at base 5, exponent 1." in page(store)
 
 
 def test_without_an_axis_classifiers_stand_down(tmp_path):
