@@ -39,7 +39,7 @@ from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.provenance import SHARED_ATTRIBUTES, check_extends, differences, provenance
-from sweeps.engine.store.writing import read_attributes, recover, write_store
+from sweeps.engine.store.writing import PARTIAL, read_attributes, recover, write_store
 
 MAX_ROUNDS = 20  # rounds of computing damaged results again, before blaming the disk
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
@@ -51,9 +51,6 @@ EXECUTOR_MODULE = "sweeps.engine.run.dask_cluster"
 INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
 LOG = logging.getLogger(__name__)
-
-PARTIAL = "partial"
-"""Attribute of a store and its groups that says how many cells are missing."""
 
 
 @dataclass(frozen=True)

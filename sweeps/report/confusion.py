@@ -11,7 +11,7 @@ import xarray as xr
 
 from ncti.evaluate.answers import DRAWS
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.report.frames import Frame, stack_frames, tidy_frame
+from sweeps.report.frames import HIDDEN, Frame, stack_frames, tidy_frame
 from sweeps.report.stores import list_groups, read_group
 
 NAME = "confusion"
@@ -86,6 +86,13 @@ def _count_answers(predicted: xr.DataArray) -> xr.Dataset:
     """Return counts of a group's answers by true and predicted ship, over aspects and draws."""
     dims = [dim for dim in predicted.dims if dim not in (*DRAWS, "aspect")]
     counts = _count_predictions(predicted, dims)
+    along = {
+        name: coordinate
+        for name, coordinate in predicted.coords.items()
+        if coordinate.ndim == 1 and name not in (*coordinate.dims, *HIDDEN)
+        if coordinate.dims[0] in counts.dims
+    }
+    counts = counts.assign_coords(along)
     total = counts.sum("ship_named")
     return xr.Dataset({"share": counts / total.where(total > 0), "count": counts})
 

@@ -93,6 +93,8 @@ def find_rivals(frame: Frame, axis: str) -> list[Rival]:
     """
     figure = frame.figures[0]
     frame = frame.where(frame.rows[figure].notna())
+    if frame.rows.empty:
+        return []
     names = _name_columns(frame, axis)
     main = select_main(frame, [*names, *[axis] * bool(axis)])
     if across := main.across:

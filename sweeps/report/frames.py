@@ -15,6 +15,7 @@ from ncti.evaluate.answers import DRAWS
 from ncti.ships.errors import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
+from sweeps.engine.store.writing import PARTIAL
 from sweeps.report.article_columns import add_comparisons
 from sweeps.report.stores import OF_ARRAYS, attributes, list_groups, opened, read_group, refusal
 from sweeps.report.words import (
@@ -226,7 +227,8 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
     except Exception as error:
         raise refusal(path, error) from error
     if not frames:
-        raise refusal(path)
+        missing = attrs.get(PARTIAL)
+        raise refusal(path, f"{missing}; the sweep's command completes it" if missing else "")
     order = {name: number for number, name in enumerate(FIRST)}
     return {name: frames[name] for name in sorted(frames, key=lambda frame: order.get(frame, 99))}
 

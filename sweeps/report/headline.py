@@ -20,7 +20,7 @@ NAMED = ("range", "pulse width", "vigilance", "frame count", "infrared frame cou
 COVERED = 0.95
 """Share of views whose error `accuracy_sentences` states."""
 DIGITS = 6  # at most, to tell two ends apart
-NO_BETTER = ", no better than chance"
+NO_BETTER = ", not significantly better than chance"
 
 BY = {"range": "range profiles", "infrared": "silhouettes", "both": "both sensors"}
 

@@ -170,7 +170,7 @@ def test_zipped_settings_have_a_curve(tmp_path):
     )
     attributes = {"swept": ["pulse_width", "cnr"]}
     text = unwrapped(page(stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))))
-    assert "at pulse width 10 ns, no better than chance, and" in text and "at 30 ns" in text
+    assert "at pulse width 10 ns, not significantly better" in text and "at 30 ns" in text
     assert "Pulse width 10 ns: CNR 26 dB; pulse width 30 ns: CNR 32 dB." in text
 
 
@@ -188,6 +188,13 @@ def test_the_headline_is_of_results_that_exist(tmp_path):
     with pytest.warns(CallsFailed):
         sweep(root, {"base": [-3, 0, 5], "exponent": [1, 2]}, store=store, cache=tmp_path / "c")
     assert "Root is 2 at base 5, exponent 1." in page(store)
+
+
+def test_a_partial_store_is_told_from_another_one(tmp_path):
+    partial = {"partial": "3 of 5 cells are missing"}
+    path = stored(tmp_path / "s.zarr", partial, profiles=xr.Dataset({"x": ("k", [1.0])}))
+    with pytest.raises(ConfigurationError, match="3 of 5 cells are missing; the sweep's command"):
+        tables_of(path)
 
 
 def test_without_an_axis_classifiers_stand_down(tmp_path):

@@ -46,6 +46,9 @@ from sweeps.engine.store.manifest import (
 )
 
 LOG = logging.getLogger(__name__)
+PARTIAL = "partial"
+"""Attribute of a store and its groups that says how many cells are missing."""
+
 MAX_SENT = 64  # most chunks in a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store

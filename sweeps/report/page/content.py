@@ -110,6 +110,7 @@ def chart_content(
         "data": {
             "store": store,
             "headline": None,
+            "against": against,
             "second": second,
             "tables": {name: data_of(table) for name, table in frames.items()},
             # The position in this list is a classifier's colour, the same in every chart.

@@ -41,7 +41,7 @@ const headlineOf = (about, table, kept, axis, bin) => {
     const interval = value(low) === null || value(high) === null ? "" : ` [${whole(value(low))}–${whole(value(high))}]`;
     const doubtful = value(chance) !== null && value(low) !== null && value(low) <= value(chance);
     return `${whole(rows[figure][k])} %${interval}${number ? "" : ` of ${about.ships}`}`
-      + (best.axis ? ` at ${inWords(best.axis, rows[best.axis][k], !number)}` : "") + (doubtful ? ", no better than chance" : "");
+      + (best.axis ? ` at ${inWords(best.axis, rows[best.axis][k], !number)}` : "") + (doubtful ? ", not significantly better than chance" : "");
   });
   const settings = about.settings.filter((name) => name !== best.axis && best.indices.every((k) => rows[name][k] !== null && rows[name][k] === rows[name][first]));
   const conditions = settings.map((name) => inWords(name, rows[name][first]));

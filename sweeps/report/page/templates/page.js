@@ -7,7 +7,7 @@
   const bar = document.querySelector(".bar"), below = document.querySelector(".at");
   const selects = all("select[data-axis]");
   const axisSelect = document.getElementById("against"), colourSelect = document.getElementById("colour");
-  const by = () => axisSelect?.value ?? "";
+  const by = () => axisSelect?.value ?? data.against;
   // The axis that gives curves their colours; empty: what a table declares, such as classifiers.
   const colourBy = () => colourSelect?.value ?? "";
 
