@@ -10,8 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.incidence import STEEPEST
-from ncti.render.solid import Solid, covered_columns
+from ncti.render.solid import STEEPEST, Solid, covered_columns
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20

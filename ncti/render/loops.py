@@ -30,7 +30,7 @@ def engine_loops(engine: str) -> Loops:
     if engine == LINES:
         return Loops(owner, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
     if engine == "embree":
-        return Loops(owner, ("render.pixels.rays", "render.spans.row_spans"), _draw_by_embree)
+        return Loops(owner, ("render.pixels.rays", "render.pixels.row_spans"), _draw_by_embree)
     return Loops(owner, ("render.pixels.sampled_facets",), _draw_without_context)
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.incidence import STEEP, STEEPEST
-from ncti.render.solid import Solid
+from ncti.render.solid import STEEP, STEEPEST, Solid
 
 if TYPE_CHECKING:
     from ncti.ships.shape import Mesh
