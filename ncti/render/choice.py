@@ -8,7 +8,7 @@ from functools import lru_cache
 from threading import RLock
 
 from ncti.render.engine import Engine, EngineError
-from ncti.render.opengl import bound_platform
+from ncti.render.opengl import PyrenderEngine, bound_platform
 
 _LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {  # by engine, each one of several files
     "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),),
@@ -99,6 +99,4 @@ def _start(name: str) -> Engine:
         from ncti.render.embree import EmbreeEngine
 
         return EmbreeEngine()
-    from ncti.render.gl import PyrenderEngine
-
     return PyrenderEngine(name)
