@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ncti.checks import require
@@ -88,12 +89,5 @@ def range_image(
     facet = drawing.visible(solid, view, lattice, points)
     down_range, gradient = surface(solid, view, lattice, points, facet)
     return RangeImage(
-        down_range,
-        gradient,
-        pixel=lattice.pixel,
-        origin=lattice.origin,
-        aspect=view.aspect,
-        depression=view.depression,
-        roll=view.roll,
-        slant_range=view.slant_range,
+        down_range, gradient, pixel=lattice.pixel, origin=lattice.origin, **asdict(view)
     )

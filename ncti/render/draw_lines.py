@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -185,16 +185,7 @@ def _draw_pieces(
         crossings, surfaces=len(surfaces.area), every=every, kept=kept
     )
     return LineImage(
-        line,
-        piece,
-        surface,
-        surfaces.normals,
-        spacing=spacing,
-        phase=phase,
-        aspect=view.aspect,
-        depression=view.depression,
-        roll=view.roll,
-        slant_range=view.slant_range,
+        line, piece, surface, surfaces.normals, spacing=spacing, phase=phase, **asdict(view)
     )
 
 
