@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_all, require_shape, require_word
-from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
-from ncti.irar.looks import average, gather_looks, looks_of, median
+from ncti.irar.looks import (
+    average,
+    cluster_width,
+    gather_looks,
+    histogram_cluster_average,
+    looks_of,
+    median,
+)
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 from ncti.irar.receiver import noise_peak
 from ncti.irar.registration import (

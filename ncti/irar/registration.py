@@ -150,6 +150,25 @@ def azimuth_shift(
     return scans * bracket / (slant_range * ifov * rate)
 
 
+def approach_rate(flight: Flight) -> float:
+    """Return the rate at which the slant range decreases in the snapshot [m/s]."""
+    return flight.closing_speed * math.cos(math.radians(flight.depression))
+
+
+def flight_shift(flight: Flight, slant_range: float, *, rate: float, scans: float = 1.0) -> float:
+    """Return the `azimuth_shift` of a flight at a slant range [m]."""
+    return azimuth_shift(
+        # The equation assumes that the aircraft moves along its heading.
+        Course(flight.aircraft_speed, flight.track),
+        Course(flight.ship_speed, flight.ship_heading),
+        offset=flight.sight - flight.track,
+        slant_range=slant_range,
+        ifov=flight.ifov,
+        rate=rate,
+        scans=scans,
+    )
+
+
 def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Floats, Floats, Floats]:
     """Return row, column [pixel] and range [m] of each sample's target in the snapshot, exactly.
 
@@ -227,17 +246,8 @@ def motion_displacement(
     require_word("method", method, MOTION_METHODS)
     if method == "constant":
         row = flight.climb * time / flight.pixel
-        shift = flight.line_rate * azimuth_shift(
-            # The equation assumes that the aircraft moves along its heading.
-            Course(flight.aircraft_speed, flight.track),
-            Course(flight.ship_speed, flight.ship_heading),
-            offset=flight.sight - flight.track,
-            slant_range=flight.slant_range,
-            ifov=flight.ifov,
-            rate=flight.line_rate,
-        )
-        towards = flight.closing_speed * math.cos(math.radians(flight.depression))
-        return row, -shift * time, towards * time
+        shift = flight.line_rate * flight_shift(flight, flight.slant_range, rate=flight.line_rate)
+        return row, -shift * time, approach_rate(flight) * time
     # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
     now, then = flight.position(time), flight.position(np.zeros(()))
     if method == "line":

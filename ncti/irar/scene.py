@@ -213,7 +213,8 @@ def scan_scene(
         along = along + errors[line, :1]
         origin = flight.position(time[line])
         # Skip samples whose middle misses the ship's bounding sphere: they see the sea.
-        middle = flight.directions(along, np.broadcast_to(errors[line, 1:], along.shape))
+        across = np.broadcast_to(errors[line, 1:], along.shape)
+        middle = flight.directions(along, across)
         to_ship = mesh.bounds.mean(axis=0) - origin
         separation = np.linalg.norm(to_ship, axis=-1)
         reach = np.arcsin(np.minimum(radius / separation, 1.0)) + flight.ifov
@@ -223,10 +224,7 @@ def scan_scene(
             continue
         # A grid of rays over the IFOV of each remaining sample.
         right = along[near][:, None, None] + ray_offset
-        above = (
-            np.broadcast_to(errors[line, 1:], along.shape)[near][:, None, None]
-            + ray_offset[:, None]
-        )
+        above = across[near][:, None, None] + ray_offset[:, None]
         right, above = np.broadcast_arrays(right, above)
         ways = flight.directions(right, above).reshape(-1, 3)
         starts = np.repeat(origin[near], RAYS**2, axis=0)
