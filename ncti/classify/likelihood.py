@@ -414,18 +414,14 @@ class GaussianTemplates(BaseEstimator):
 
         With a template error the number of frames must be the same in all averages.
         """
-        factor, unit = self._whitening(template, float(frames[0]))
-        means = self.mean_[template]
+        means, factor = self.mean_[template], self.cholesky_[template]
+        unit = self._nuisance[template]
+        if self.template_error_:
+            scale = math.sqrt(frames[0] * self.template_error_) * self._residual[template]
+            covariance = self._whole[template] + residual_band(scale, self._correlation)
+            factor = cholesky_banded(covariance, lower=True)
+            unit = whiten(factor, self._directions[template])
         return densities(factor, unit, samples, means[0], frames, priors, places=len(means))
-
-    def _whitening(self, template: int, frames: float) -> tuple[Floats, Floats]:
-        """Return the factor of the covariance of a frame, and the unknown directions whitened."""
-        if not self.template_error_:
-            return self.cholesky_[template], self._nuisance[template]
-        scale = math.sqrt(frames * self.template_error_) * self._residual[template]
-        covariance = self._whole[template] + residual_band(scale, self._correlation)
-        factor = cholesky_banded(covariance, lower=True)
-        return factor, whiten(factor, self._directions[template])
 
 
 def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:
