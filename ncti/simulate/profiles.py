@@ -168,12 +168,8 @@ def range_profile(
         sight: dict[str, Any] = {"depression": depression, "slant_range": slant_range}
         views = [View.checked(aspect=a, roll=roll_at(a), **sight) for a in aspects]
         _check_fits(mesh, views, beam, pulse_width)
-        options: dict[str, Any] = {
-            "tolerance": accuracy,
-            "pulse_width": pulse_width,
-            "spacing": SPACING,
-        }
-        extents = [extent_within(mesh, view, beam=beam, **options) for view in views]
+        fine = {"tolerance": accuracy, "pulse_width": pulse_width, "spacing": SPACING}
+        extents = [extent_within(mesh, view, beam=beam, **fine) for view in views]
     averaged, expected = zip(
         *(
             _average_above_floor(extent, frames, generator(rng, aspect=bearing), signal)
@@ -181,6 +177,7 @@ def range_profile(
         ),
         strict=True,
     )
+    error = max(extent.error_after(pulse_width) for extent in extents)
     attributes = {
         **attributes_of(
             rng, slant_range=slant_range, depression=depression, frames=frames, ifov=ifov
@@ -188,7 +185,9 @@ def range_profile(
         "pulse_width_ns": round(pulse_width * 1e9, 9),
         "cnr_db": 10 * math.log10(ratio),
         "target_free_ifovs": int(target_free_ifovs),
-        **_accuracy_attributes(extents, pulse_width, accuracy),
+        "accuracy": float(accuracy),
+        "error_bound": error,
+        "accuracy_reached": "yes" if error <= accuracy else "no",
     }
     single = {"range": slant_range, "frame_count": frames, "pulse_width": pulse_width}
     coords = coordinates(mesh, aspect=aspect, **single)
@@ -202,18 +201,6 @@ def _average_above_floor(
     [average] = averaged_frames(extent, [frames], rng=rng, **vars(signal))
     floor = (len(extent.fraction) + signal.target_free_ifovs) * noise_floor()
     return average - floor, expected_profile(extent, **vars(signal)) - floor
-
-
-def _accuracy_attributes(
-    extents: list[RangeExtent], pulse_width: float, accuracy: float
-) -> dict[str, Any]:
-    """Return attributes with the accuracy of the extents."""
-    error = max(extent.error_after(pulse_width) for extent in extents)
-    return {
-        "accuracy": float(accuracy),
-        "error_bound": error,
-        "accuracy_reached": "yes" if error <= accuracy else "no",
-    }
 
 
 def _labelled_profiles(
