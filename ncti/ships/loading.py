@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from platformdirs import user_cache_path
 
 from ncti.ships import cache as store
 from ncti.ships import checks, meshes, sheets
@@ -437,8 +438,8 @@ def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bo
 
 
 def _path_in_cache(source: _Source, cache: str | Path | None) -> Path:
-    folder = store.default_folder() if cache is None else Path(cache)
-    return folder / f"{source.digest}.npz"
+    default = user_cache_path("ncti-sweep") / "meshes"
+    return (default if cache is None else Path(cache)) / f"{source.digest}.npz"
 
 
 def _ship_solid(
@@ -469,7 +470,11 @@ def _build_ship(source: _Source) -> Ship:
 
 
 def _parse_sheet(source: _Source) -> sheets.Sheet:
-    return sheets.parse(_sheet_text(source), _templates().decode(), where=source.name)
+    try:
+        text = source.content.decode()
+    except UnicodeDecodeError:
+        raise ShipError(f"{source.name}: the sheet must be UTF-8 text.") from None
+    return sheets.parse(text, _templates().decode(), where=source.name)
 
 
 @lru_cache(maxsize=8)
@@ -542,13 +547,6 @@ def _read_content(path: Path, megabytes: int) -> bytes:
 def _open_without_waiting(path: str, flags: int) -> int:
     # A pipe may have replaced the file since the check.
     return os.open(path, flags | os.O_NONBLOCK)
-
-
-def _sheet_text(source: _Source) -> str:
-    try:
-        return source.content.decode()
-    except UnicodeDecodeError:
-        raise ShipError(f"{source.name}: the sheet must be UTF-8 text.") from None
 
 
 @memoised
