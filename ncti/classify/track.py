@@ -86,5 +86,4 @@ def aspect_prior(
     # Use the smaller of the two tails, so that nothing cancels far from the report.
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     most, least = log_ndtr(high), log_ndtr(low)
-    mass: Floats = np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))
-    return mass
+    return np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))

@@ -100,8 +100,7 @@ def nearest_ship_range(scan: Scan) -> Floats:
     from scipy.ndimage import distance_transform_edt
 
     nearest = distance_transform_edt(~ship, return_distances=False, return_indices=True)
-    ranges: Floats = scan.range[tuple(nearest)]
-    return ranges
+    return scan.range[tuple(nearest)]
 
 
 def _sea_median(scan: Scan) -> float:

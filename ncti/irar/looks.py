@@ -49,8 +49,7 @@ def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> 
     depth = max(1, int((end - begin).max(initial=0)))
     position = begin[..., None] + np.arange(depth)
     position[position >= end[..., None]] = len(samples)
-    index: NDArray[np.intp] = np.append(samples, -1)[position]
-    return index
+    return np.append(samples, -1)[position]
 
 
 def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:

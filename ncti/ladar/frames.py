@@ -359,5 +359,4 @@ def _floor_filter(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     half = next_fast_len(math.ceil(max(bin_count + reach, 2 * reach) / 2), real=True)
     floor = floor_by_lag(noise_by_lag(**pulse, bin_count=half + 1))
     spectrum = rfft(np.concatenate([floor, floor[-2:0:-1]])).real
-    transfer: NDArray[np.float32] = np.sqrt(np.maximum(spectrum, 0.0)).astype(np.float32)
-    return transfer
+    return np.sqrt(np.maximum(spectrum, 0.0)).astype(np.float32)

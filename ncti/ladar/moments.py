@@ -250,8 +250,7 @@ def frame_variance(
 
 def floor_by_lag(noise: Floats) -> Floats:
     """Return the covariance of one target-free IFOV's output by lag, from `noise_by_lag`."""
-    floor: Floats = noise[0] * _bracket(np.square(noise / noise[0]))
-    return floor
+    return noise[0] * _bracket(np.square(noise / noise[0]))
 
 
 def floor_reach(*, pulse_width: float, bin_width: float) -> int:

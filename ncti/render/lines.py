@@ -105,8 +105,7 @@ class LineImage:
         q, k = self.piece[:, 2:], self.curvature
         w = 1.0 / (1.0 - k * q)
         square = self.piece[:, :2] ** 2 + (self._height**2)[:, None]
-        down_range: Floats = q * w + k * w * square / (1.0 + np.sqrt(1.0 + k**2 * square))
-        return down_range
+        return q * w + k * w * square / (1.0 + np.sqrt(1.0 + k**2 * square))
 
     @property
     def cosine(self) -> Floats:
@@ -114,8 +113,7 @@ class LineImage:
         n = self.normal[self.surface] @ View(self.aspect, self.depression, self.roll).axes.T
         x, y, k = self.piece[:, :2].mean(axis=1), self._height, self.curvature
         sight = np.sqrt(1.0 + k**2 * (x**2 + y**2))
-        cosine: Floats = np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
-        return cosine
+        return np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
 
     @property
     def _height(self) -> Floats:

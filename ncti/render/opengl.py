@@ -145,5 +145,4 @@ class PyrenderEngine:
         clip = clip_matrix(view, lattice, centre=solid.centre)
         facets = sampled_facets(solid, view, lattice, points)
         drawing = self._thread.submit(self._canvas.draw, solid, facets, clip, lattice.shape)
-        image: NDArray[np.float32] = drawing.result()
-        return image
+        return drawing.result()

@@ -172,15 +172,13 @@ def components(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> 
     from scipy.sparse.csgraph import connected_components
 
     links = coo_array((np.ones(len(start), bool), (start, end)), shape=(count, count))
-    labels: NDArray[np.int32] = connected_components(links, directed=False)[1]
-    return labels
+    return connected_components(links, directed=False)[1]
 
 
 def triangle_areas(corners: Floats) -> Floats:
     """Return areas of triangles, (..., 3, 3)."""
     edges = corners[:, 1:] - corners[:, :1]
-    areas: Floats = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-    return areas
+    return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
 
 
 # openings -----------------------------------------------------------------------------------------

@@ -227,8 +227,7 @@ def _checked_aspects(aspect: ArrayLike) -> list[float]:
     require_all("aspect", aspect, minimum=-360.0, maximum=360.0)
     if np.ndim(aspect) > 1 or np.size(aspect) == 0:
         raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
-    aspects: list[float] = np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist()
-    return aspects
+    return np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist()
 
 
 def _check_binning(beam: Beam, pulse_width: float) -> None:
