@@ -205,7 +205,7 @@ def ship_mesh(
         "beam": ship.beam,
         "variant_of": source.variant.base if source.variant else None,
         "findings": diagnosis.findings,
-        "mend": _correct_transform(transform, diagnosis),
+        "mend": diagnosis.mend,
         "faults": faults,
     }
     return ShipMesh(ship.vertices, ship.faces, attributes)
@@ -418,14 +418,9 @@ def describe(
         ship.vertices,
         ship.faces,
         diagnosis.findings,
-        _correct_transform(transform, diagnosis),
+        diagnosis.mend,
         faults,
     )
-
-
-def _correct_transform(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
-    """Return the transform of a file that also corrects the diagnosed faults, if there are any."""
-    return None if diagnosis.mend is None else transform.compose(diagnosis.mend)
 
 
 def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bool:

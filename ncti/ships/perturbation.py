@@ -193,10 +193,8 @@ class _Wave:
 
     def __call__(self, x: Any) -> Floats:
         share = np.clip(np.asarray(x, dtype=np.float64) / self.length, 0, 1)
-        return (
-            np.sin(np.pi * share[..., None] * np.arange(1, len(self.amplitudes) + 1))
-            @ self.amplitudes
-        )
+        half_waves = np.arange(1, len(self.amplitudes) + 1)
+        return np.sin(np.pi * share[..., None] * half_waves) @ self.amplitudes
 
 
 @dataclass(frozen=True, eq=False)

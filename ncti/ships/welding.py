@@ -74,9 +74,8 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     place = np.einsum("ij,ij->i", vertices[vertex] - start[row], along[row]) / length[row]
     offset = vertices[vertex] - start[row] - (place / length[row])[:, None] * along[row]
     inside = (place > distance) & (length[row] - place > distance)
-    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (
-        vertex != corner[previous_edges(edges[row])]
-    )
+    inside &= np.linalg.norm(offset, axis=1) <= distance
+    inside &= vertex != corner[previous_edges(edges[row])]
     row, vertex, place = row[inside], vertex[inside], place[inside]
     if not len(row):
         return surface, 0

@@ -15,7 +15,7 @@ from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import RangeExtent, bins_of
+from ncti.ladar.extent import bins_of
 from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
 from ncti.ladar.pulse import noise_floor, shortest_pulse
@@ -170,13 +170,13 @@ def range_profile(
         _check_fits(mesh, views, beam, pulse_width)
         fine = {"tolerance": accuracy, "pulse_width": pulse_width, "spacing": SPACING}
         extents = [extent_within(mesh, view, beam=beam, **fine) for view in views]
-    averaged, expected = zip(
-        *(
-            _average_above_floor(extent, frames, generator(rng, aspect=bearing), signal)
-            for extent, bearing in zip(extents, aspects, strict=True)
-        ),
-        strict=True,
-    )
+    averaged, expected = [], []
+    for extent, bearing in zip(extents, aspects, strict=True):
+        stream = generator(rng, aspect=bearing)
+        [average] = averaged_frames(extent, [frames], rng=stream, **vars(signal))
+        floor = (len(extent.fraction) + target_free_ifovs) * noise_floor()
+        averaged.append(average - floor)
+        expected.append(expected_profile(extent, **vars(signal)) - floor)
     error = max(extent.error_after(pulse_width) for extent in extents)
     attributes = {
         **attributes_of(
@@ -192,15 +192,6 @@ def range_profile(
     single = {"range": slant_range, "frame_count": frames, "pulse_width": pulse_width}
     coords = coordinates(mesh, aspect=aspect, **single)
     return _labelled_profiles((extents[0].down_range, averaged, expected), coords, attributes)
-
-
-def _average_above_floor(
-    extent: RangeExtent, frames: int, rng: np.random.Generator, signal: Signal
-) -> tuple[Floats, Floats]:
-    """Return an average of frames and its expectation, both above the noise floor."""
-    [average] = averaged_frames(extent, [frames], rng=rng, **vars(signal))
-    floor = (len(extent.fraction) + signal.target_free_ifovs) * noise_floor()
-    return average - floor, expected_profile(extent, **vars(signal)) - floor
 
 
 def _labelled_profiles(
