@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,9 +73,7 @@ def cells(
     # Tangents, steps and squared curvatures, label by label.
     tangent, step = np.zeros_like(means), np.zeros(len(means))
     curvature: list[tuple[Floats, Floats]] = []  # aspects of a label, and squares at them
-    for name in np.unique(names):
-        rows = np.flatnonzero(names == name)
-        rows = rows[np.argsort(aspects[rows] % CIRCLE)]
+    for name, rows in rows_by_label(names, aspects):
         if len(rows) < 2:
             continue
         slope, bend, before, behind = _parabolas(means[rows], aspects[rows] % CIRCLE, name)
@@ -104,10 +104,9 @@ def alternate_templates(
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
-    for name in np.unique(names):
-        rows = np.flatnonzero(names == name)
+    for _, rows in rows_by_label(names, aspects):
         if len(rows) >= 2 * LEAST_CURVED - 1:
-            left_out[rows[np.argsort(aspects[rows])][1::2]] = True
+            left_out[rows[1::2]] = True
     distance = separation(aspects[left_out][:, None], aspects[~left_out])
     distance[names[left_out][:, None] != names[~left_out]] = np.inf
     beside = np.zeros(distance.shape, dtype=bool)
@@ -121,13 +120,20 @@ def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
     The first mask is of `alternate_templates`, the second has the other templates except the ends
     of each label; there are none if no label has enough templates.
     """
-    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
+    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64)
     second, _ = alternate_templates(names, aspects)
     between = np.zeros(len(names), dtype=bool)
-    for name in np.unique(names[second]):
-        rows = np.flatnonzero(names == name)
-        between[rows[np.argsort(aspects[rows])][2:-1:2]] = True
+    for _, rows in rows_by_label(names, aspects):
+        if second[rows].any():
+            between[rows[2:-1:2]] = True
     return [second, between] if second.any() else []
+
+
+def rows_by_label(names: NDArray, aspects: Floats) -> Iterator[tuple[Any, NDArray[np.intp]]]:
+    """Yield each label, and the numbers of its templates by ascending aspect from 0 to 360 deg."""
+    for name in np.unique(names):
+        rows = np.flatnonzero(names == name)
+        yield name, rows[np.argsort(aspects[rows] % CIRCLE)]
 
 
 def separation(first: Floats, second: Floats) -> Floats:

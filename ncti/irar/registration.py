@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_instance, require_word
+from ncti.checks import require, require_instance
 from ncti.irar.flight import Flight
-from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
+from ncti.irar.mirror import mirror_rotation
 
 Floats = NDArray[np.float64]
 
@@ -212,7 +212,6 @@ def mirror_displacement(
     tangent happens to equal that sine exactly, so the printed shear levels the waterline; only its
     columns remain 1 - cos(L) too wide.
     """
-    require_word("form", form, MIRROR_FORMS)
     level_row, level_column = raw_places(flight, samples)
     angles = flight.scan_angles(samples)
     if form == "exact":
@@ -243,7 +242,6 @@ def motion_displacement(
     ship, a mast leans by nearly 40 deg uncorrected, by some degrees with one shift, by one with
     each line's, and not at all with each pixel's.
     """
-    require_word("method", method, MOTION_METHODS)
     if method == "constant":
         row = flight.climb * time / flight.pixel
         shift = flight.line_rate * flight_shift(flight, flight.slant_range, rate=flight.line_rate)
