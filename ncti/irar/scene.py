@@ -25,7 +25,7 @@ RAYS = 5
 MARGIN = 3.0
 """Pixels of sea around the ship that a scan includes."""
 
-MOST_LINES = 20_000
+MAX_LINES = 20_000
 """Largest number of lines of a pass: thirty times those of a flight at the article's overscan."""
 
 LINES_AT_ONCE = 64
@@ -120,10 +120,10 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     margin = MARGIN * flight.ifov + 4 * flight.jitter
     within = margin / pace.min() + flight.samples / flight.pulse_rate
     start, stop = float(meets.min()) - within, float(meets.max()) + within
-    if (stop - start) * flight.line_rate > MOST_LINES:
+    if (stop - start) * flight.line_rate > MAX_LINES:
         raise ValueError(
             f"line_rate is {flight.line_rate:g}, but must be at most "
-            f"{MOST_LINES / (stop - start):.3g}, for {MOST_LINES} lines in this pass"
+            f"{MAX_LINES / (stop - start):.3g}, for {MAX_LINES} lines in this pass"
         )
     needed = math.ceil(2 * (float(np.abs(along).max()) + margin) / flight.ifov)
     if flight.pointing is None and needed > flight.samples:

@@ -23,7 +23,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
-MOST_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
+MAX_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
 ELSEWHERE = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
@@ -200,9 +200,9 @@ def frame_blocks(
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
-    if not as_sum and target_free_ifovs > MOST_DRAWN:
+    if not as_sum and target_free_ifovs > MAX_DRAWN:
         raise ValueError(
-            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MOST_DRAWN} for the "
+            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MAX_DRAWN} for the "
             f"receiver {receiver}, which sees each of them"
         )
     # Imported here because numba is slow to import.

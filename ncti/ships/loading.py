@@ -23,8 +23,8 @@ from ncti.ships.drawing import figure, measures
 from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
-    LEAST_SCALE,
-    MOST_SCALE,
+    MAX_SCALE,
+    MIN_SCALE,
     Carriage,
     Variant,
     build_variant,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 SHEET_SUFFIXES = (".yaml", ".yml")
 MESH_SUFFIXES = (".stl", ".obj", ".glb")
-MOST_MEGABYTES = dict.fromkeys(SHEET_SUFFIXES, 1) | dict.fromkeys(MESH_SUFFIXES, 256)
+MAX_MEGABYTES = dict.fromkeys(SHEET_SUFFIXES, 1) | dict.fromkeys(MESH_SUFFIXES, 256)
 LONGEST_LABEL = 100  # characters
 
 
@@ -285,7 +285,7 @@ def variants(
                 f"{key} {short_repr(value)} must be a whole number of at least {least}."
             )
     try:
-        scale = checks.number(scale, low=LEAST_SCALE, high=MOST_SCALE)
+        scale = checks.number(scale, low=MIN_SCALE, high=MAX_SCALE)
     except checks.RefusedValueError as allowed:
         raise ShipError(f"scale is {short_repr(scale)}, but must be {allowed}.") from None
     labels = [str(Variant(name, int(seed), number, scale)) for number in range(1, int(count) + 1)]
@@ -505,7 +505,7 @@ def _find_source(name_or_path: str | Path) -> _Source:
         )
     _check_label(path)
     try:
-        return _Source(path.stem, suffix, _read_content(path, MOST_MEGABYTES[suffix]))
+        return _Source(path.stem, suffix, _read_content(path, MAX_MEGABYTES[suffix]))
     except ShipError:
         raise
     except (OSError, ValueError) as error:

@@ -23,8 +23,8 @@ from ncti.ships.sheets import Component, Sheet
 Floats = NDArray[np.float64]
 
 TRIES = 100  # of draws for a variant, until one builds
-LEAST_SCALE, MOST_SCALE = 0.001, 4.0  # beyond, warps would fold
-LEAST_SIZE, MOST_SIZE = 0.5, 2.0
+MIN_SCALE, MAX_SCALE = 0.001, 4.0  # beyond, warps would fold
+MIN_SIZE, MAX_SIZE = 0.5, 2.0
 LIMIT = 2.0  # sigmas that no place or size goes beyond
 ACROSS, UPWARD = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
 MODES = 6  # half waves along the ship of the displacement common to its parts
@@ -85,8 +85,8 @@ class Variant:
         if variant is None or str(variant) != name or variant.number < 1:
             raise variant_error(name)
         for key, factor, low, high in (
-            ("scale", variant.scale, LEAST_SCALE, MOST_SCALE),
-            ("size", variant.size, LEAST_SIZE, MOST_SIZE),
+            ("scale", variant.scale, MIN_SCALE, MAX_SCALE),
+            ("size", variant.size, MIN_SIZE, MAX_SIZE),
         ):
             if not low <= factor <= high:
                 raise ShipError(

@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 LONGEST = 1e-6
 """Longest pulse [s], as in sweeps."""
 
-MOST_PLACES = 2**28
+MAX_PLACES = 2**28
 """Most range bins of all IFOVs of the box around a ship; a view then takes up to 2 GB."""
 
 
@@ -243,8 +243,8 @@ def _check_memory(mesh: Mesh, view: View, ifov: float, bins: int) -> None:
     across, up, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
     nearest = float(view.slant_range or 0.0) - depth / 2
     places = bins * across * up / (ifov * nearest) ** 2
-    if nearest > 0 and places > MOST_PLACES:  # ships that reach the sensor are refused elsewhere
-        least = ifov * math.sqrt(places / MOST_PLACES)
+    if nearest > 0 and places > MAX_PLACES:  # ships that reach the sensor are refused elsewhere
+        least = ifov * math.sqrt(places / MAX_PLACES)
         raise ValueError(
             f"ifov is {ifov!r} rad, but must be at least {least:.2g} rad for {bins} range bins of "
             f"a ship of {across:.0f} m by {up:.0f} m at {view.slant_range:g} m"
