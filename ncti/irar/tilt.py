@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -190,12 +190,7 @@ def tilts(
     fit = fit_place(observed[:, *box], known[:, *box], view, looks.block(*box), place, least)
     if fit is None:
         return _NONE
-    tilt = _tilt(*fit)
-    return replace(
-        tilt,
-        mast_error=math.hypot(tilt.mast_error, math.degrees(lean / view.rows)),
-        waterline_error=math.hypot(tilt.waterline_error, math.degrees(lean / view.columns)),
-    )
+    return _tilt(*fit, (lean / view.rows, lean / view.columns))
 
 
 def _checked_images(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -218,16 +213,20 @@ def _checked_images(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats,
     return observed, cells, known
 
 
-def _tilt(place: Floats, covariance: Floats) -> Tilt:
-    """Return the image's tilt from the fitted place, which maps the image to the truth."""
+def _tilt(place: Floats, covariance: Floats, footprints: tuple[float, float]) -> Tilt:
+    """Return the image's tilt from the fitted place, which maps the image to the truth.
+
+    `footprints` are the errors of mast and waterline by the footprints of samples [rad].
+    """
     leans = []
     # Mast from columns a row, waterline from rows a column; errors by linear propagation.
-    for lean, scale in ((2, 5), (3, 4)):
+    for lean, scale, footprint in ((2, 5, footprints[0]), (3, 4, footprints[1])):
         slope = -place[lean] / place[scale]
         change = np.zeros(6)
         change[lean], change[scale] = 1.0, slope
         error = math.sqrt(change @ covariance @ change) / abs(place[scale]) / (1.0 + slope**2)
-        leans.append((math.degrees(math.atan(slope)), math.degrees(error)))
+        error = math.hypot(math.degrees(error), math.degrees(footprint))
+        leans.append((math.degrees(math.atan(slope)), error))
     (mast, mast_error), (waterline, waterline_error) = leans
     # The displacement belongs to the inverse map.
     matrix = np.array([[place[4], place[3]], [place[2], place[5]]])

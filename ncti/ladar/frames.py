@@ -226,13 +226,11 @@ def frame_blocks(
         for first in range(0, frame_count, FRAMES_AT_ONCE):
             block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
             for start in range(0, len(block), ROWS_AT_ONCE):
-                rows = block[start : start + ROWS_AT_ONCE]
+                rows, number = block[start : start + ROWS_AT_ONCE], first + start
                 if floor:
-                    rows += math.sqrt(target_free_ifovs) * floor.deviations(
-                        first + start, len(rows)
-                    )
+                    rows += math.sqrt(target_free_ifovs) * floor.deviations(number, len(rows))
                 # All other IFOVs individually: waveform, receiver, sum.
-                for amplitude in waveforms.magnitudes(first + start, len(rows)):
+                for amplitude in waveforms.magnitudes(number, len(rows)):
                     accumulate_frames(detected(amplitude), rows)
             yield block
 

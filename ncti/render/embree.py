@@ -77,12 +77,8 @@ class EmbreeEngine:
             begin = (origin + passed[:, None] * along).astype(np.float32)
             facet[ray] = self._first_facets(solid, begin, along.astype(np.float32))
             remaining = _hits_from_behind(solid, facet[ray], along)
-            ray, origin, along, passed = (
-                ray[remaining],
-                origin[remaining],
-                along[remaining],
-                passed[remaining],
-            )
+            ray, origin, along = ray[remaining], origin[remaining], along[remaining]
+            passed = passed[remaining]
         return facet
 
     def _first_facets(

@@ -166,7 +166,7 @@ def carriage(sheet: Sheet) -> Carriage:
         best = max(waiting, key=lambda number: (contact[number].sum(), -number))
         waiting.remove(best)
         order.append(best)
-        if sheet.components[best].cuts:
+        if sheet.components[best].primitive.cuts:
             continue
         for number in waiting:
             volumes = shared_volume(number, best)
@@ -286,9 +286,9 @@ def _warp_component(component: Component, warp: _Warp, column: float) -> Compone
     """
     (x, y, z), sizes = component.at, dict(component.sizes)
     position = (
-        float(warp.x(x)) if "x" in component.place else x,
-        float(warp.y(column, y)) if "y" in component.place else y,
-        float(warp.z(column, z)) if "z" in component.place else z,
+        float(warp.x(x)) if "x" in component.primitive.place else x,
+        float(warp.y(column, y)) if "y" in component.primitive.place else y,
+        float(warp.z(column, z)) if "z" in component.primitive.place else z,
     )
     if component.prim in STRETCHED:
         along, across, up = _stretch(component, warp, column)
@@ -316,7 +316,7 @@ def _warp_component(component: Component, warp: _Warp, column: float) -> Compone
 def _move_component(component: Component, shift: Floats) -> Component:
     """Return a component moved by (x, y, z) [m]."""
     sizes = dict(component.sizes)
-    movable = [axis in component.place for axis in "xyz"]
+    movable = [axis in component.primitive.place for axis in "xyz"]
     if "outline" in sizes:
         sizes["outline"] = sizes["outline"] + shift[:2]
     if "path" in sizes:
@@ -390,7 +390,7 @@ def perturb_sheet(
         shift = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
         if _is_amidships(component):
             base, shift = base * [1, 0], shift * [1, 0]
-        if component.cuts or "edge" in component.sizes:
+        if component.primitive.cuts or "edge" in component.sizes:
             shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
         if shift.any():
             unmoved = copies_of(fresh, place(number, base))
