@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.solid import Solid
+from ncti.ships.surfaces import components
 
 if TYPE_CHECKING:
     from ncti.ships.shape import Mesh
@@ -124,7 +125,7 @@ class Surfaces:
         )
 
 
-def _sums(surface: NDArray[np.intp], vectors: Floats, size: int) -> Floats:
+def _sums(surface: NDArray[np.integer], vectors: Floats, size: int) -> Floats:
     """Return the sum of the vectors of the facets of each surface."""
     return np.stack([np.bincount(surface, component, size) for component in vectors.T], 1).astype(
         np.float64
@@ -170,14 +171,10 @@ def _merge_coplanar(
     `n` (facet, 3) are unit normals, `corner` (facet, 3, 3) [m], `area` (facet, 3) area vectors;
     `left` and `right` (edge,) the facets on both sides of an edge.
     """
-    from scipy.sparse import coo_array  # takes long to import
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(n)
     turn = np.linalg.norm(n[left] - n[right], axis=1)
     flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
-    pairs = coo_array((np.ones(flat.sum()), (left[flat], right[flat])), shape=(count, count))
-    size, surface = connected_components(pairs, directed=False)
+    surface = components(left[flat], right[flat], len(n))
+    size = int(surface.max()) + 1
     # Plates along a gentle curve may be coplanar with their neighbours, but not all together.
     normal = _sums(surface, area, size)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
