@@ -221,15 +221,14 @@ class GaussianTemplates(BaseEstimator):
             if aspect is None:
                 raise ValueError("aspect is None, but a template error needs the aspects")
             self.aspect_ = require_all("aspect", aspect)
+            self._find_cells()
             if self.template_error is None:
                 if rng is None:
                     raise ValueError("rng is None, but calibration needs a random generator")
-                self.template_error_ = UNKNOWN_ERROR
-                self._find_cells()
+                self.template_error_ = UNKNOWN_ERROR  # so that calibration uses the cells
                 self.template_error_ = calibrated_error(self, rng)
             else:
                 self.template_error_ = float(self.template_error)
-            self._find_cells()
         return self
 
     def without(self, left_out: ArrayLike) -> Self:

@@ -117,14 +117,11 @@ def _sea_median(scan: Scan) -> float:
     return float(noise_peak(np.array(0.5), depth=gate, pulse_length=length))
 
 
-def places(
-    scan: Scan, correction: Correction, *, estimate: Flight | None = None
-) -> tuple[Floats, Floats, Floats]:
+def places(scan: Scan, correction: Correction, flight: Flight) -> tuple[Floats, Floats, Floats]:
     """Return row, column [pixel] and range [m] of every sample in the snapshot, (line, sample).
 
-    `estimate` is the flight as navigation measures it, by default the true one.
+    `flight` is as navigation measures it, or the true one.
     """
-    flight = scan.flight if estimate is None else estimate
     # Mirror: the shear of the lines.
     samples, time = np.arange(flight.samples), scan.time
     row, column = raw_places(flight, samples)
@@ -208,7 +205,7 @@ def correct(
     """
     methods = Correction() if correction is None else correction
     flight = scan.flight if estimate is None else estimate
-    row, column, ranges = places(scan, methods, estimate=estimate)
+    row, column, ranges = places(scan, methods, flight)
     if window is None:
         window = window_of(row, column)
     # Looks of each pixel: overscanned rows overlap.

@@ -247,15 +247,15 @@ def motion_displacement(
         shift = flight.line_rate * flight_shift(flight, flight.slant_range, rate=flight.line_rate)
         return row, -shift * time, approach_rate(flight) * time
     # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
-    now, then = flight.position(time), flight.position(np.zeros(()))
+    now = flight.position(time)
+    nominal = np.linalg.norm(now, axis=-1)
     if method == "line":
         row, column = _image_places(flight, -now)
-        nominal = np.linalg.norm(now, axis=-1)
         return -row, -column, flight.slant_range - nominal
     row, column, distance = snapshot_places(flight, time, ranges)
     row_now, column_now = _image_places(flight, _beams(flight, time.shape))
-    nominal = np.linalg.norm(now, axis=-1)
-    closer = np.where(np.isnan(ranges), np.linalg.norm(then) - nominal, distance - ranges)
+    then = np.linalg.norm(flight.position(np.zeros(())))
+    closer = np.where(np.isnan(ranges), then - nominal, distance - ranges)
     return row - row_now, column - column_now, closer
 
 

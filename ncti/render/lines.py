@@ -182,18 +182,12 @@ class LineImage:
         from ncti.render.pieces import Depths, Grid, Parts, bin_pieces  # numba takes long to import
 
         reach = slant_range or self.slant_range
-        curved = bool(reach) and np.isfinite(bin_width)
+        wavefront = 1.0 / reach if reach and np.isfinite(bin_width) else 0.0
         area = np.full(len(self.line), self.spacing)
         if weight is not None:
             area = area * weight
         grid = Grid(turn_of(self.roll), float(side), (float(shift[0]), float(shift[1])))
-        depths = Depths(
-            self.curvature,
-            1.0 / reach if reach and curved else 0.0,
-            float(near),
-            float(bin_width),
-            int(bin_count),
-        )
+        depths = Depths(self.curvature, wavefront, float(near), float(bin_width), int(bin_count))
         return Parts(
             *bin_pieces(self.line, self.piece, area, self.spacing, self.phase, grid, depths)
         )
