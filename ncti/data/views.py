@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,8 @@ from ncti.ladar.moments import frame_variance
 from ncti.ladar.pulse import noise_floor
 from ncti.render import LineImage, drawn_range, line_image
 from ncti.render.far_field import SHARE, reach_of
+from ncti.ships.shape import Mesh
 from ncti.simulate.subject import Ship, mesh_of, roll_at
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from ncti.checks import require
 from ncti.render.choice import start_engine
 from ncti.render.image import RangeImage
 from ncti.render.solid import Solid, surface
 from ncti.render.view import ROLL, Lattice, View
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 
 def range_image(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,7 @@ from ncti.render.lines import LineImage
 from ncti.render.surfaces import Surfaces
 from ncti.render.threads import sweep_lines
 from ncti.render.view import ROLL, View
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 

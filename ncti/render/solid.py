@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 from threading import Lock
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.view import Lattice, View
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 KEPT = 8
 """Ships kept, here and on a canvas: the six packaged ones and two of the user's."""

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.solid import Solid
+from ncti.ships.shape import Mesh
 from ncti.ships.surfaces import components
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
