@@ -62,7 +62,7 @@ def pytest_collect_file(file_path: Path, parent: Any) -> DoctestModule | None:
     """Collect the examples in docstrings of a module of the library.
 
     `--doctest-modules` would import every module of every folder: tests, whose helpers have no
-    examples, and `ncti.render.gl`, which binds OpenGL to a platform. Modules without an example
+    examples, and `ncti.render.canvas`, which binds OpenGL to a platform. Modules without an example
     are therefore never imported here.
     """
     if file_path.suffix != ".py" or not {*LIBRARY} & {*file_path.parents}:

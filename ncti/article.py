@@ -23,8 +23,7 @@ BINS = ("0-27", "30-57", "60-90")  # deg
 def article_figures() -> dict[str, Any]:
     """Return the content of `article.yaml`: the article's figures by its tables and figures."""
     text = files("ncti").joinpath("article.yaml").read_text(encoding="utf-8")
-    figures: dict[str, Any] = yaml.safe_load(text)
-    return figures
+    return yaml.safe_load(text)
 
 
 @dataclass(frozen=True)

@@ -80,9 +80,7 @@ def require(
     allowed = f"{kind} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
     other, power = OTHER_UNITS.get(unit.strip(), ("", 0))
     digits = f"{number:g}"
-    is_slip = "e" not in digits and in_range(
-        number * 10.0**power
-    )  # not of a number with an exponent
+    is_slip = "e" not in digits and in_range(number * 10.0**power)  # a number without exponent
     meant = f"; {digits} {other} is {digits}e{power}" if is_slip else ""
     raise ValueError(f"{name} is {text}, but must be {allowed}{unit}{meant}")
 

@@ -32,13 +32,12 @@ def compiled(function: F) -> F:
     config.CACHE_DIR = folder_of(function.__code__.co_filename)
     compile_ = partial(numba.njit, nogil=True, error_model="numpy")
     try:
-        if not config.CACHE_DIR:
-            return cast(F, compile_()(function))
-        try:
-            dispatcher: Any = compile_(cache=True)(function)
-        except RuntimeError:  # nothing can be written there
-            return cast(F, compile_()(function))
-        if not dispatcher.stats.cache_path.startswith(config.CACHE_DIR):  # numba's next choice
+        dispatcher: Any = None
+        if config.CACHE_DIR:
+            with suppress(RuntimeError):  # nothing can be written there
+                dispatcher = compile_(cache=True)(function)
+        # numba may have chosen another folder.
+        if dispatcher is None or not dispatcher.stats.cache_path.startswith(config.CACHE_DIR):
             return cast(F, compile_()(function))
         _keep_if_possible(dispatcher._cache)
         _stamp(dispatcher._cache, function)

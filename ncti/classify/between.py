@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,9 +73,7 @@ def cells(
     # Tangents, steps and squared curvatures, label by label.
     tangent, step = np.zeros_like(means), np.zeros(len(means))
     curvature: list[tuple[Floats, Floats]] = []  # aspects of a label, and squares at them
-    for name in np.unique(names):
-        rows = np.flatnonzero(names == name)
-        rows = rows[np.argsort(aspects[rows] % CIRCLE)]
+    for name, rows in rows_by_label(names, aspects):
         if len(rows) < 2:
             continue
         slope, bend, before, behind = _parabolas(means[rows], aspects[rows] % CIRCLE, name)
@@ -86,11 +86,11 @@ def cells(
     # Curvatures smoothed over bins and averaged over labels at the nearest aspect.
     symmetric = np.concatenate([kernel[:0:-1], kernel]) / (2 * kernel.sum() - kernel[0])
     pooled = np.zeros_like(means)
+    half = len(symmetric) // 2  # the kernel may be wider than a row
     for angles, square in curvature:
-        distance = np.abs(aspects[:, None] - angles) % CIRCLE
-        nearest = np.minimum(distance, CIRCLE - distance).argmin(axis=1)
-        smooth = np.stack([_smooth_row(row, symmetric) for row in square])
-        pooled += smooth[nearest] / len(curvature)
+        nearest = separation(aspects[:, None], angles).argmin(axis=1)
+        smooth = [np.convolve(row, symmetric)[half : half + len(row)] for row in square]
+        pooled += np.stack(smooth)[nearest] / len(curvature)
     return TemplateCells(tangent, np.sqrt(pooled) * (step**2 / 2)[:, None])
 
 
@@ -104,16 +104,11 @@ def alternate_templates(
     """
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
-    for name in np.unique(names):
-        rows = np.flatnonzero(names == name)
+    for _, rows in rows_by_label(names, aspects):
         if len(rows) >= 2 * LEAST_CURVED - 1:
-            left_out[rows[np.argsort(aspects[rows])][1::2]] = True
-    distance = np.abs(aspects[left_out][:, None] - aspects[~left_out])
-    distance = np.where(
-        names[left_out][:, None] == names[~left_out],
-        np.minimum(distance, CIRCLE - distance),
-        np.inf,
-    )
+            left_out[rows[1::2]] = True
+    distance = separation(aspects[left_out][:, None], aspects[~left_out])
+    distance[names[left_out][:, None] != names[~left_out]] = np.inf
     beside = np.zeros(distance.shape, dtype=bool)
     np.put_along_axis(beside, np.argsort(distance, axis=1, kind="stable")[:, :2], True, axis=1)
     return left_out, beside
@@ -125,13 +120,26 @@ def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
     The first mask is of `alternate_templates`, the second has the other templates except the ends
     of each label; there are none if no label has enough templates.
     """
-    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
+    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64)
     second, _ = alternate_templates(names, aspects)
     between = np.zeros(len(names), dtype=bool)
-    for name in np.unique(names[second]):
-        rows = np.flatnonzero(names == name)
-        between[rows[np.argsort(aspects[rows])][2:-1:2]] = True
+    for _, rows in rows_by_label(names, aspects):
+        if second[rows].any():
+            between[rows[2:-1:2]] = True
     return [second, between] if second.any() else []
+
+
+def rows_by_label(names: NDArray, aspects: Floats) -> Iterator[tuple[Any, NDArray[np.intp]]]:
+    """Yield each label, and the numbers of its templates by ascending aspect from 0 to 360 deg."""
+    for name in np.unique(names):
+        rows = np.flatnonzero(names == name)
+        yield name, rows[np.argsort(aspects[rows] % CIRCLE)]
+
+
+def separation(first: Floats, second: Floats) -> Floats:
+    """Return the angles (...) between aspects (...) [deg], from 0 to 180."""
+    distance = np.abs(first - second) % CIRCLE
+    return np.minimum(distance, CIRCLE - distance)
 
 
 def steps(aspects: Floats, name: object) -> tuple[Floats, Floats, bool]:
@@ -173,9 +181,3 @@ def _parabolas(
         else:  # so that bend h^2 / 2 is half the difference of the two templates
             bend = rise[[0, 0]] / behind[0]
     return slope, bend, before, behind
-
-
-def _smooth_row(row: Floats, kernel: Floats) -> Floats:
-    """Return a row convolved with a symmetric kernel, which may be wider than the row."""
-    half = len(kernel) // 2
-    return np.convolve(row, kernel)[half : half + len(row)]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_labels, require_shape
-from ncti.classify.between import CIRCLE, halves
+from ncti.classify.between import halves, separation
 from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior, members, posterior_of
 
@@ -76,8 +76,7 @@ def fit_outlier_fraction(
     # Their weights at the aspect of each template.
     held_out = np.concatenate([templates.aspect_[out] for out in sets])
     places, place = np.unique(templates.aspect_, return_inverse=True)
-    distance = np.abs(places[:, None] - held_out) % CIRCLE
-    distance = np.minimum(distance, CIRCLE - distance)
+    distance = separation(places[:, None], held_out)
     weight = ANYWHERE + np.exp(-((distance / NEARBY) ** 2) / 2)
     labels = len(templates.classes_)
     for g, answer in enumerate(answers):
@@ -173,26 +172,19 @@ def _fit_by_pieces(
         mixed = (1 - outlier_fraction) * answers + outlier_fraction / classes
         return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
-    logarithm = minimise_loss(
-        lambda log_inverse_temperature: fraction_and_loss(log_inverse_temperature)[1], spread
-    )
-    return math.exp(logarithm), fraction_and_loss(logarithm)[0]
-
-
-def minimise_loss(loss: Callable[[float], float], spread: float) -> float:
-    """Return the logarithm of the inverse temperature that minimises a loss, a function of it.
-
-    It refines the best of `STEPS` over `spread`, the mean spread of a sample's scores, between its
-    neighbours.
-    """
     # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
+
+    def loss(log_inverse_temperature: float) -> float:
+        """Return the loss at an inverse temperature."""
+        return fraction_and_loss(log_inverse_temperature)[1]
 
     # Coarse steps first, because means over templates may add a local maximum before the minimum.
     steps = np.log(STEPS / spread)
     lowest = int(np.argmin([loss(step) for step in steps]))
     bounds = (steps[max(lowest - 1, 0)], steps[min(lowest + 1, len(steps) - 1)])
-    return float(minimize_scalar(loss, bounds=bounds, method="bounded").x)
+    logarithm = float(minimize_scalar(loss, bounds=bounds, method="bounded").x)
+    return math.exp(logarithm), fraction_and_loss(logarithm)[0]
 
 
 def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike) -> Floats:

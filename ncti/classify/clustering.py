@@ -346,7 +346,13 @@ def move_categories(
 def _presentation_order(similarities: Similarities, order: Indices | None) -> Indices:
     """Return the samples that have a direction in order of presentation."""
     count = len(similarities.lengths)
-    turn = np.arange(count) if order is None else _checked_order(order, count)
+    samples = np.arange(count) if order is None else order
+    turn = require_all("order", samples, whole=True, minimum=0, below=count).astype(np.intp)
+    if turn.ndim != 1:
+        raise ValueError(f"order has shape {turn.shape}, but must be (sample,)")
+    counts = np.bincount(turn, minlength=count)
+    if counts.max() > 1:
+        raise ValueError(f"order has {counts.argmax()} more than once, but samples must differ")
     turn = turn[similarities.lengths[turn] > 0]
     if not turn.size:
         raise ValueError("order holds no vector with a direction, but must hold at least one")
@@ -369,14 +375,3 @@ def _single_sample_rows(
         padding = np.zeros((len(block), width - len(block)))
         singles.append(np.hstack([between, padding, coordinates[block]]))
     return singles
-
-
-def _checked_order(order: ArrayLike, count: int) -> Indices:
-    """Return the order of presentation as integers, or raise `ValueError` if samples repeat."""
-    places = require_all("order", order, whole=True, minimum=0, below=count).astype(np.intp)
-    if places.ndim != 1:
-        raise ValueError(f"order has shape {places.shape}, but must be (sample,)")
-    counts = np.bincount(places, minlength=count)
-    if counts.max() > 1:
-        raise ValueError(f"order has {counts.argmax()} more than once, but samples must differ")
-    return places

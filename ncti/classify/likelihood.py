@@ -221,15 +221,14 @@ class GaussianTemplates(BaseEstimator):
             if aspect is None:
                 raise ValueError("aspect is None, but a template error needs the aspects")
             self.aspect_ = require_all("aspect", aspect)
+            self._find_cells()
             if self.template_error is None:
                 if rng is None:
                     raise ValueError("rng is None, but calibration needs a random generator")
-                self.template_error_ = UNKNOWN_ERROR
-                self._find_cells()
+                self.template_error_ = UNKNOWN_ERROR  # so that calibration uses the cells
                 self.template_error_ = calibrated_error(self, rng)
             else:
                 self.template_error_ = float(self.template_error)
-            self._find_cells()
         return self
 
     def without(self, left_out: ArrayLike) -> Self:
@@ -414,18 +413,14 @@ class GaussianTemplates(BaseEstimator):
 
         With a template error the number of frames must be the same in all averages.
         """
-        factor, unit = self._whitening(template, float(frames[0]))
-        means = self.mean_[template]
+        means, factor = self.mean_[template], self.cholesky_[template]
+        unit = self._nuisance[template]
+        if self.template_error_:
+            scale = math.sqrt(frames[0] * self.template_error_) * self._residual[template]
+            covariance = self._whole[template] + residual_band(scale, self._correlation)
+            factor = cholesky_banded(covariance, lower=True)
+            unit = whiten(factor, self._directions[template])
         return densities(factor, unit, samples, means[0], frames, priors, places=len(means))
-
-    def _whitening(self, template: int, frames: float) -> tuple[Floats, Floats]:
-        """Return the factor of the covariance of a frame, and the unknown directions whitened."""
-        if not self.template_error_:
-            return self.cholesky_[template], self._nuisance[template]
-        scale = math.sqrt(frames * self.template_error_) * self._residual[template]
-        covariance = self._whole[template] + residual_band(scale, self._correlation)
-        factor = cholesky_banded(covariance, lower=True)
-        return factor, whiten(factor, self._directions[template])
 
 
 def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_labels
-from ncti.classify.between import CIRCLE, steps
+from ncti.classify.between import CIRCLE, rows_by_label, steps
 
 EXACT = 1e-3  # a smaller error of the track [deg] counts as this one
 
@@ -75,9 +75,7 @@ def aspect_prior(
             f"{names.shape}, and tracked (sample,), not {reported.shape}"
         )
     before, behind = np.full((2, len(angles)), CIRCLE)
-    for name in np.unique(names):
-        rows = np.flatnonzero(names == name)
-        rows = rows[np.argsort(angles[rows] % CIRCLE)]
+    for name, rows in rows_by_label(names, angles):
         if len(rows) > 1:
             before[rows], behind[rows], _ = steps(angles[rows] % CIRCLE, name)
     offset = (angles - reported[:, None] + CIRCLE / 2) % CIRCLE - CIRCLE / 2
@@ -86,5 +84,4 @@ def aspect_prior(
     # Use the smaller of the two tails, so that nothing cancels far from the report.
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     most, least = log_ndtr(high), log_ndtr(low)
-    mass: Floats = np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))
-    return mass
+    return np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))

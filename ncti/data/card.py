@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti.data.splits import TEST, TRAIN, UNKNOWN, Split
+from ncti.data.splits import TEST, TRAIN, UNKNOWN, Split, parts_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -88,7 +88,7 @@ def card(split: Split) -> dict[str, Any]:
     >>> about["name"], [file["@id"] for file in about["distribution"]]
     ('few-frames', ['train.jsonl', 'test.jsonl'])
     """
-    parts = _parts(split)
+    parts = parts_of(split)
     summary = f"{split.question} Simulated range profiles of a laser radar, seed {split.seed}: " + (
         "; ".join(f"{rows.sizes['row']} {PARTS[part]}" for part, rows in parts.items())
     )
@@ -136,16 +136,10 @@ def save(split: Split, folder: Path) -> None:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for part, rows in _parts(split).items():
+    for part, rows in parts_of(split).items():
         with (folder / f"{part}.jsonl").open("wb") as file:
             file.writelines(_lines(rows))
     (folder / CARD).write_text(json.dumps(card(split), indent=1) + "\n", encoding="utf-8")
-
-
-def _parts(split: Split) -> dict[str, xr.Dataset]:
-    """Return the parts of a split by name."""
-    candidates = {TRAIN: split.train, TEST: split.test, UNKNOWN: split.unknown}
-    return {part: rows for part, rows in candidates.items() if rows is not None}
 
 
 def _columns(rows: xr.Dataset) -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.data.views import draw_view_lines, drawing_range
+from ncti.data.views import drawing_range
 from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import power_ratio
@@ -15,7 +15,8 @@ from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import range_extent
 from ncti.ladar.moments import banded_frame_moments
 from ncti.ladar.places import TEMPLATE_PLACES, spread_place
-from ncti.simulate.subject import mesh_of
+from ncti.render import line_image
+from ncti.simulate.subject import mesh_of, roll_at
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -97,14 +98,14 @@ def _moments(row: xr.Dataset, places: int) -> tuple[list[Floats], Floats]:
     mesh = mesh_of(row["variant" if "variant" in row.coords else "ship"].item())
     beam = Beam(attributes["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
     signal = vars(Signal(pulse_width, power_ratio(cnr), attributes["target_free_ifovs"]))
-    image = draw_view_lines(
+    # The lines of `ncti.data.views`, at most an IFOV apart.
+    image = line_image(
         mesh,
         aspect=aspect,
         depression=depression,
-        slant_range=slant_range,
-        range_drawn=drawing_range(mesh, slant_range, attributes["far_field_error"]),
-        spacing=attributes["spacing_m"],
-        ifov=beam.ifov,
+        slant_range=drawing_range(mesh, slant_range, attributes["far_field_error"]),
+        roll=roll_at(aspect),
+        spacing=min(attributes["spacing_m"], beam.ifov * slant_range),
     )
     extents = [
         range_extent(image, slant_range=slant_range, shift=spread_place(number), **vars(beam))

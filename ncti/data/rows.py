@@ -45,14 +45,14 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ANYWHERE = "random"
-MOST_ROWS = 10_000_000  # per call: 10 GB of profiles
-MOST_FRAMES = 10_000
+MAX_ROWS = 10_000_000  # per call: 10 GB of profiles
+MAX_FRAMES = 10_000
 NUMBERS = {
-    "count": Bounds(1, MOST_ROWS, whole=True),
+    "count": Bounds(1, MAX_ROWS, whole=True),
     "seed": Bounds(0, 2**63, whole=True),
-    "first": Bounds(0, 2**53 - MOST_ROWS, whole=True),
+    "first": Bounds(0, 2**53 - MAX_ROWS, whole=True),
     "workers": Bounds(1, 1024, whole=True),
-    "rows_per_view": Bounds(1, MOST_ROWS, whole=True),
+    "rows_per_view": Bounds(1, MAX_ROWS, whole=True),
     "target_free_ifovs": Bounds(0, 2**53, whole=True),
     "spacing": Bounds(0.01, 2.0),  # m
     "far_field_error": Bounds(1e-12, 1.0),
@@ -294,7 +294,7 @@ def _bounds(bin_width: float) -> dict[str, Bounds]:
         "slant_range": Bounds(NEAREST, FARTHEST),
         "pulse_width": Bounds(shortest, max(LONGEST, shortest)),
         "cnr": Bounds(-LOUDEST, LOUDEST),
-        "frames": Bounds(1, MOST_FRAMES, whole=True),
+        "frames": Bounds(1, MAX_FRAMES, whole=True),
         "gain": Bounds(0.0, 1000.0),
         "floor": Bounds(-1000.0, 1000.0),
     }

@@ -116,7 +116,6 @@ class Split:
         """Return rows, views, ships and the aspects [deg] of each part, one row a part."""
         import pandas as pd
 
-        parts = {TRAIN: self.train, TEST: self.test, UNKNOWN: self.unknown}
         summary = {
             name: {
                 "rows": part.sizes["row"],
@@ -124,13 +123,18 @@ class Split:
                 "ships": ", ".join(np.unique(part.ship)),
                 "aspects": f"{float(part.aspect.min()):.0f}-{float(part.aspect.max()):.0f}",
             }
-            for name, part in parts.items()
-            if part is not None
+            for name, part in parts_of(self).items()
         }
         return pd.DataFrame.from_dict(summary, orient="index")
 
     def _repr_html_(self) -> str:
         return f"<p>{self.name}, seed {self.seed}: {self.question}</p>{self.to_pandas().to_html()}"
+
+
+def parts_of(split: Split) -> dict[str, xr.Dataset]:
+    """Return the parts of a split by name."""
+    parts = {TRAIN: split.train, TEST: split.test, UNKNOWN: split.unknown}
+    return {name: rows for name, rows in parts.items() if rows is not None}
 
 
 def split(

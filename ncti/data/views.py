@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,8 @@ from ncti.ladar.moments import frame_variance
 from ncti.ladar.pulse import noise_floor
 from ncti.render import LineImage, drawn_range, line_image
 from ncti.render.far_field import SHARE, reach_of
+from ncti.ships.shape import Mesh
 from ncti.simulate.subject import Ship, mesh_of, roll_at
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -103,14 +101,13 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
         # Ranges of a far field share its image.
         if image is None or sight != last_sight:
             last_sight = sight
-            image = draw_view_lines(
+            image = line_image(
                 mesh,
                 aspect=aspect,
                 depression=depression,
-                slant_range=slant_range,
-                range_drawn=sight[-1],
-                spacing=recipe.spacing,
-                ifov=recipe.beam.ifov,
+                slant_range=sight[-1],
+                roll=roll_at(aspect),
+                spacing=min(recipe.spacing, recipe.beam.ifov * slant_range),
             )
         parameters = {name: values[rows] for name, values in drawn.items()}
         signatures: Arrays = {}
@@ -124,27 +121,6 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
 def drawing_range(mesh: Mesh, slant_range: float, error: float) -> float | None:
     """Return the slant range [m] to draw a ship at; None if the far field is accurate enough."""
     return drawn_range(reach_of(mesh.vertices), slant_range, tolerance=error / SHARE)
-
-
-def draw_view_lines(
-    mesh: Mesh,
-    *,
-    aspect: float,
-    depression: float,
-    slant_range: float,
-    range_drawn: float | None,
-    spacing: float,
-    ifov: float,
-) -> LineImage:
-    """Return a view by lines that are at most an IFOV apart."""
-    return line_image(
-        mesh,
-        aspect=aspect,
-        depression=depression,
-        slant_range=range_drawn,
-        roll=roll_at(aspect),
-        spacing=min(spacing, ifov * slant_range),
-    )
 
 
 def equal_rows(drawn: Arrays, names: Sequence[str]) -> list[slice]:

@@ -107,20 +107,17 @@ def learning_curve(
     from sklearn.base import clone
 
     require_generator("rng", rng)
+    parts = []
     for name, part in (("train", train), ("test", test)):
         if not isinstance(part, Sequence) or len(part) != 3:
             text = " ".join(repr(part).split())
             raise ValueError(f"{name} is {text:.60}, but must be vectors, classes and views")
-    (vectors, labels, groups), (test_vectors, truth, test_groups) = (
-        (require_all("X", X), require_labels("y", y), require_labels("groups", view))
-        for X, y, view in (train, test)
-    )
-    for name, X, arrays in (
-        ("train", vectors, (labels, groups)),
-        ("test", test_vectors, (truth, test_groups)),
-    ):
-        for array in arrays:
-            require_shape(name, array, X.shape[:1])
+        X, y, view = part
+        arrays = require_all("X", X), require_labels("y", y), require_labels("groups", view)
+        for array in arrays[1:]:
+            require_shape(name, array, arrays[0].shape[:1])
+        parts.append(arrays)
+    (vectors, labels, groups), (test_vectors, truth, test_groups) = parts
     for name, counts in (("views", views), ("draws", draws)):
         checked = require_all(name, counts, whole=True, minimum=1)
         require_shape(name, checked, (checked.size,))

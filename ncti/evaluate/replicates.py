@@ -387,5 +387,4 @@ def _equivalent_answers(
         free = np.where(uncertain > 0, np.maximum(mean**2 / uncertain, 1.0), np.inf)
     tail = 0.5 + 0.5 * confidence
     wider: Floats = np.maximum(stdtrit(free, tail) / ndtri(tail), 1.0)
-    equivalent: Floats = np.maximum(n / np.maximum(effect, 1.0) / wider**2, np.minimum(n, 1.0))
-    return equivalent
+    return np.maximum(n / np.maximum(effect, 1.0) / wider**2, np.minimum(n, 1.0))

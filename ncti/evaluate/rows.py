@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all, require_labels, require_shape
-from ncti.evaluate import tables
 from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
 from ncti.evaluate.replicates import grouped_accuracy
-from ncti.evaluate.scores import AspectAccuracy
+from ncti.evaluate.scores import AspectAccuracy, axes_to_draw_in
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,11 +109,25 @@ class Scores:
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the confusion: answers by true class, down, and class named, across."""
-        return tables.confusion_table(self)
+        import pandas as pd
+
+        down, across = (pd.Index(self.classes, name=name) for name in ("true", "named"))
+        return pd.DataFrame(self.confusion, down, across)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the confusion in percent of the answers to a class."""
-        return tables.plot_confusion(self, ax)
+        ax = axes_to_draw_in(ax)
+        counts = self.confusion
+        share = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        ax.imshow(share, vmin=0, vmax=100, cmap="Blues")
+        for (row, column), value in np.ndenumerate(share):
+            colour = "white" if value > 60 else "black"
+            ax.text(column, row, f"{value:.0f}", ha="center", va="center", color=colour)
+        ticks: NDArray[Any] = np.arange(len(self.classes))
+        ax.set_xticks(ticks, self.classes, rotation=30)
+        ax.set_yticks(ticks, self.classes)
+        ax.set(xlabel="named", ylabel="true", title="answers [%]")
+        return ax
 
     def _repr_html_(self) -> str:
         names = ("log_loss", "ece", "auroc", "oscr", "kept")
@@ -215,7 +228,10 @@ def score(
             raise ValueError("similarity is None, but must tell unknown classes from known ones")
         similarities = require_all("similarity", similarity)
         require_shape("similarity", similarities, truth.shape)
-        auroc, oscr, accepted = _rejection(similarities, correct, known)
+        areas = open_set_scores(similarities, correct, known)
+        auroc, oscr = areas.auroc, areas.oscr
+        [most] = rejection_thresholds(similarities[~known], [REJECTED])
+        accepted = float((correct & (similarities > most))[known].mean())
     # Imported here because scikit-learn takes a second.
     from sklearn.metrics import confusion_matrix
 
@@ -269,25 +285,12 @@ def _calibration(
 
     likely = values / values.sum(axis=1, keepdims=True)
     loss = float(log_loss(truth, likely, labels=classes)) if classes.size > 1 else 0.0
-    curve = _reliability(likely.max(axis=1), correct)
-    distance = np.abs(curve.fraction - curve.confidence) * curve.n
-    return loss, float(np.nansum(distance) / curve.n.sum()), curve
-
-
-def _rejection(
-    similarity: Floats, correct: NDArray[np.bool_], known: NDArray[np.bool_]
-) -> tuple[float, float, float]:
-    """Return AUROC, OSCR and the share of known classes kept when `REJECTED` are rejected."""
-    areas = open_set_scores(similarity, correct, known)
-    [most] = rejection_thresholds(similarity[~known], [REJECTED])
-    return areas.auroc, areas.oscr, float((correct & (similarity > most))[known].mean())
-
-
-def _reliability(confidence: Floats, correct: NDArray[np.bool_]) -> Reliability:
-    """Return the reliability of answers with confidences in (0, 1]."""
+    confidence = likely.max(axis=1)
     bin_index = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
     n = np.bincount(bin_index, minlength=BINS)
     divisor = np.where(n > 0, n, np.nan)
     sums = (np.bincount(bin_index, weights=w, minlength=BINS) for w in (confidence, correct))
     mean, fraction = (total / divisor for total in sums)
-    return Reliability(mean, fraction, n.astype(np.intp))
+    distance = np.abs(fraction - mean) * n
+    curve = Reliability(mean, fraction, n.astype(np.intp))
+    return loss, float(np.nansum(distance) / n.sum()), curve

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_flags
-from ncti.evaluate import tables
+from ncti.labels import labelled_array
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
     from matplotlib.axes import Axes
 
+BIN = "aspect_bin"
 OVERALL = "overall"
 EDGES = (0.0, 30.0, 60.0, 90.0)  # deg; bins of the article
 BIN_WIDTH = 30.0  # deg; bins beyond the last edge
@@ -60,7 +61,22 @@ class AspectAccuracy:
 
     def to_xarray(self) -> xr.Dataset:
         """Return the arrays with their labels; leading axes are `dim_0`, `dim_1` and so on."""
-        return tables.accuracy_dataset(self)
+        import xarray as xr
+
+        dims = (*(f"dim_{axis}" for axis in range(self.fraction.ndim - 1)), BIN)
+        columns = {
+            "fraction": (self.fraction, "fraction of correct answers"),
+            "ci_low": (self.ci_low, "lower end of the 95 % interval"),
+            "ci_high": (self.ci_high, "upper end of the 95 % interval"),
+            "n": (self.n, "answers"),
+        }
+        return xr.Dataset(
+            {
+                name: labelled_array(dims, values, "1", label)
+                for name, (values, label) in columns.items()
+            },
+            {BIN: labelled_array(BIN, np.array(self.labels), "1", "aspects of the bin [deg]")},
+        )
 
     def to_pandas(self) -> pd.DataFrame:
         """Return one row a bin, or a bin of each leading axis."""
@@ -68,10 +84,35 @@ class AspectAccuracy:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw percent correct by aspect bin, with 95 % intervals; ValueError with more axes."""
-        return tables.plot_accuracy(self, ax)
+        if self.fraction.ndim > 1:
+            shape = self.fraction.shape
+            raise ValueError(f"fraction has shape {shape}, but must have bins alone to be drawn")
+        ax = axes_to_draw_in(ax)
+        percent, low, high = (100 * values for values in (self.fraction, self.ci_low, self.ci_high))
+        ax.errorbar(self.labels, percent, (percent - low, high - percent), fmt="o", capsize=3)
+        ax.set(xlabel="aspect [deg]", ylabel="correct answers [%]", ylim=(0, 105))
+        return ax
 
     def _repr_html_(self) -> str:
-        return str(tables.percent_table(self).to_html())
+        """Return percent correct with its interval, one row per bin, as HTML."""
+        frame = self.to_pandas()
+        percent = [
+            f"{100 * row.fraction:.0f} [{100 * row.ci_low:.0f}-{100 * row.ci_high:.0f}]"
+            if row.n
+            else ""
+            for row in frame.itertuples()
+        ]
+        frame = frame.assign(**{"percent correct": percent})[["percent correct", "n"]]
+        return str(frame.to_html())
+
+
+def axes_to_draw_in(ax: Axes | None) -> Axes:
+    """Return axes to draw in, new ones if none are given."""
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.subplots(layout="constrained")[1]
+    return ax
 
 
 def wilson_interval(

@@ -13,7 +13,7 @@ from ncti.features.profile import profile_vector
 from ncti.ladar import carrier_to_noise, expected_profile, range_extent
 from ncti.render import line_image
 from ncti.render.flight import DEPRESSION
-from ncti.ships.perturbation import MOST_SCALE, Variant
+from ncti.ships.perturbation import MAX_SCALE, Variant
 
 if TYPE_CHECKING:
     import trimesh
@@ -146,7 +146,7 @@ def sister(
     """
     require("distance", distance, minimum=1e-4, maximum=0.5)
     ship = ships.load(name)
-    low, high = np.log(0.01), np.log(MOST_SCALE)
+    low, high = np.log(0.01), np.log(MAX_SCALE)
     nearest = 0.0
     for step in range(STEPS):
         middle = high if step == 0 else (low + high) / 2

@@ -92,8 +92,7 @@ def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
     values = _checked_profiles(profile)
     count = max(1, round(EDGE * values.shape[-1]))
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
-    level: NDArray[np.float64] = outer.mean(axis=-1, keepdims=True)
-    return level
+    return outer.mean(axis=-1, keepdims=True)
 
 
 def _checked_profiles(profile: ArrayLike) -> NDArray[np.float64]:

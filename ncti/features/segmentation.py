@@ -14,7 +14,7 @@ METHODS = ("matched", "otsu", "li", "isodata")
 
 _BETA = 0.5  # log-odds that each neighbour on the ship adds, under the Ising prior
 _PASSES = 10
-_LEAST, _MOST = 1e-6, 1e6  # K, limits of the sigmas
+_MIN, _MAX = 1e-6, 1e6  # K, limits of the sigmas
 _HUGE = 1e30  # K; its square in units of the smallest sigma is still finite
 
 # Neighbours within an image of a stack, none between images.
@@ -173,8 +173,8 @@ def _parameter_stack(name: str, value: ArrayLike | None, shape: tuple[int, ...])
     """Return a parameter of `matched` for every image of a stack, (image, 1, 1)."""
     if value is None:
         raise ValueError(f"{name} is None, but must be given in K for the method matched")
-    least = 0.0 if name == "contrast" else _LEAST
-    values = require_all(name, value, minimum=least, maximum=_MOST)
+    least = 0.0 if name == "contrast" else _MIN
+    values = require_all(name, value, minimum=least, maximum=_MAX)
     try:
         full = np.broadcast_to(values, shape)
     except ValueError:

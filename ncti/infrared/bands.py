@@ -144,8 +144,7 @@ def band_contrast(
         )
     difference = band_radiance(ship, band=band) - band_radiance(sea_temperature, band=band)
     transmission = 10.0 ** (-extinction * distance / 10)
-    apparent: Values = transmission * difference / radiance_slope(sea_temperature, band=band)
-    return apparent
+    return transmission * difference / radiance_slope(sea_temperature, band=band)
 
 
 def _reduced_energies(

@@ -23,7 +23,7 @@ HALVES = {"none": 2, "perfect": 1, "shifted": 1}
 
 WHOLE = HALVES["none"]  # width of a detector pixel
 
-MOST_OFFSETS = 1000
+MAX_OFFSETS = 1000
 """Largest number of places of a ship on the pixels."""
 
 LEAST_CONTRAST = 1e-6
@@ -151,7 +151,7 @@ class DetectorView:
     @cached_property
     def _places(self) -> list[list[float]]:
         # One stream for all places, so that a place does not depend on their number.
-        return self.stream(stage="infrared_place").random((MOST_OFFSETS, 2)).tolist()
+        return self.stream(stage="infrared_place").random((MAX_OFFSETS, 2)).tolist()
 
     def place(self, offset: int) -> SubpixelOffset:
         """Return the position of the ship origin in a pixel, by its number."""

@@ -85,7 +85,7 @@ def attenuation(slant_range: Values, *, extinction: float = EXTINCTION) -> Value
     18.1 dB
     """
     distance = require_all("slant_range", slant_range, minimum=0.0)
-    return _float_or_array(require_all("extinction", extinction, minimum=0.0) * distance)
+    return float_or_array(require_all("extinction", extinction, minimum=0.0) * distance)
 
 
 def contrast(
@@ -142,7 +142,7 @@ def contrast(
     0.27 K
     """
     loss = np.asarray(attenuation(slant_range, extinction=extinction))
-    return _float_or_array(require_all("contrast_at_zero", contrast_at_zero) * 10.0 ** (-loss / 20))
+    return float_or_array(require_all("contrast_at_zero", contrast_at_zero) * 10.0 ** (-loss / 20))
 
 
 def noise_temperature(frame_count: Values, *, nedt: float = NEDT) -> Values:
@@ -186,7 +186,7 @@ def noise_temperature(frame_count: Values, *, nedt: float = NEDT) -> Values:
     array([0.4, 0.2, 0.1])
     """
     counts = require_all("frame_count", frame_count, whole=True, minimum=1.0)
-    return _float_or_array(require_all("nedt", nedt, minimum=0.0) / np.sqrt(counts))
+    return float_or_array(require_all("nedt", nedt, minimum=0.0) / np.sqrt(counts))
 
 
 def snr(
@@ -263,9 +263,9 @@ def snr(
             f"contrast_at_zero is {contrast_at_zero!r} and nedt {nedt!r}, but the square of their "
             "ratio must be a finite number"
         )
-    return _float_or_array(ratio)
+    return float_or_array(ratio)
 
 
-def _float_or_array(values: NDArray[np.float64] | np.float64) -> Any:
+def float_or_array(values: NDArray[np.float64] | np.float64) -> Any:
     """Return a float for a scalar, the array otherwise."""
     return float(values) if np.ndim(values) == 0 else values

@@ -132,7 +132,13 @@ def _sums_between(
 
 def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
     """Return a function that draws the normals of each count from its own stream."""
-    family = _spawn_family(rng)
+    sequence = getattr(rng.bit_generator, "seed_seq", None)
+    if not isinstance(sequence, np.random.SeedSequence):
+        raise ValueError(
+            f"rng has a {type(rng.bit_generator).__name__} without a seed sequence, but must have "
+            "a numpy.random.SeedSequence to spawn from, as numpy.random.default_rng gives it"
+        )
+    [family] = sequence.spawn(1)  # a new one, so that no two calls share noise
 
     def node(count: int) -> Field:
         """Return the normals of one count."""
@@ -142,17 +148,6 @@ def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Nod
         return _draw(target, 1, rim, np.random.Generator(np.random.PCG64(stream)))[0]
 
     return node
-
-
-def _spawn_family(rng: np.random.Generator) -> np.random.SeedSequence:
-    """Return a new child of the generator's seed sequence, so that no two calls share noise."""
-    sequence = getattr(rng.bit_generator, "seed_seq", None)
-    if not isinstance(sequence, np.random.SeedSequence):
-        raise ValueError(
-            f"rng has a {type(rng.bit_generator).__name__} without a seed sequence, but must have "
-            "a numpy.random.SeedSequence to spawn from, as numpy.random.default_rng gives it"
-        )
-    return sequence.spawn(1)[0]
 
 
 def _draw(

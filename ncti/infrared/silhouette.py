@@ -186,7 +186,8 @@ def silhouette(
         place = row * window.shape[1] + column
         area = np.bincount(place, parts.area.sum(axis=1), math.prod(window.shape))
         per_area = 1.0 / window.side**2
-        return window.silhouette(area.astype(np.float64).reshape(window.shape) * per_area)
+        coverage = area.astype(np.float64).reshape(window.shape) * per_area
+        return Silhouette(coverage, window.side, window.origin)
     # On the flat image, as np.nonzero of two axes takes three times as long as all the rest.
     rows, cols = np.divmod(np.flatnonzero(image.hit), image.down_range.shape[1])
     return coverage_of(
@@ -272,7 +273,7 @@ def coverage_of(
         *(horizontal, vertical, 1 / footprint, (float(across), float(up)), float(subdivision)),
         *(window.first, counts),
     )
-    return window.silhouette(counts * (area / window.side**2))
+    return Silhouette(counts * (area / window.side**2), window.side, window.origin)
 
 
 SMALLEST, LARGEST = 1e-6, 1e12
@@ -286,10 +287,6 @@ class _Window(NamedTuple):
     shape: tuple[int, int]
     side: float
     origin: tuple[float, float]
-
-    def silhouette(self, coverage: NDArray[np.float64]) -> Silhouette:
-        """Return the silhouette of the coverage of all cells."""
-        return Silhouette(coverage, self.side, self.origin)
 
 
 def _window(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_generator
-from ncti.infrared.radiometry import NEDT, SPREAD
+from ncti.infrared.radiometry import NEDT, SPREAD, float_or_array
 from ncti.infrared.scene import draw_scene
 
 NOISE_GAIN = 0.5
@@ -242,8 +242,8 @@ def reconstruction_error(
         raise ValueError(
             f"image has shape {image.shape}, but must end in the target's {fine_target.shape}"
         )
-    rms = np.sqrt(np.mean((image - contrast * fine_target) ** 2, axis=(-2, -1))) / contrast
-    return float(rms) if rms.ndim == 0 else rms
+    error = np.sqrt(np.mean((image - contrast * fine_target) ** 2, axis=(-2, -1)))
+    return float_or_array(error / contrast)
 
 
 def _checked_images(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_generator, require_word
-from ncti.infrared.radiometry import NEDT, SPREAD, Values, noise_temperature
+from ncti.infrared.radiometry import NEDT, SPREAD, Values, float_or_array, noise_temperature
 from ncti.infrared.scene import draw_scene
 from ncti.infrared.super_resolution import NOISE_GAIN, SCENE_GAIN
 
@@ -153,6 +152,4 @@ def pixel_sigma(
     require_word("super_resolution", super_resolution, SUPER_RESOLUTIONS)
     scene, detector = (SCENE_GAIN, NOISE_GAIN) if super_resolution == "shifted" else (1.0, 1.0)
     noise = noise_temperature(frame_count, nedt=nedt)
-    sigma = np.hypot(scene * spread, detector * np.asarray(noise))
-    plain: Any = sigma if np.ndim(noise) else float(sigma)
-    return plain
+    return float_or_array(np.hypot(scene * spread, detector * np.asarray(noise)))

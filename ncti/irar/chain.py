@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_all, require_shape, require_word
-from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
-from ncti.irar.looks import average, gather_looks, looks_of, median
+from ncti.irar.looks import (
+    average,
+    cluster_width,
+    gather_looks,
+    histogram_cluster_average,
+    looks_of,
+    median,
+)
 from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
 from ncti.irar.receiver import noise_peak
 from ncti.irar.registration import (
@@ -94,8 +100,7 @@ def nearest_ship_range(scan: Scan) -> Floats:
     from scipy.ndimage import distance_transform_edt
 
     nearest = distance_transform_edt(~ship, return_distances=False, return_indices=True)
-    ranges: Floats = scan.range[tuple(nearest)]
-    return ranges
+    return scan.range[tuple(nearest)]
 
 
 def _sea_median(scan: Scan) -> float:
@@ -112,14 +117,11 @@ def _sea_median(scan: Scan) -> float:
     return float(noise_peak(np.array(0.5), depth=gate, pulse_length=length))
 
 
-def places(
-    scan: Scan, correction: Correction, *, estimate: Flight | None = None
-) -> tuple[Floats, Floats, Floats]:
+def places(scan: Scan, correction: Correction, flight: Flight) -> tuple[Floats, Floats, Floats]:
     """Return row, column [pixel] and range [m] of every sample in the snapshot, (line, sample).
 
-    `estimate` is the flight as navigation measures it, by default the true one.
+    `flight` is as navigation measures it, or the true one.
     """
-    flight = scan.flight if estimate is None else estimate
     # Mirror: the shear of the lines.
     samples, time = np.arange(flight.samples), scan.time
     row, column = raw_places(flight, samples)
@@ -203,7 +205,7 @@ def correct(
     """
     methods = Correction() if correction is None else correction
     flight = scan.flight if estimate is None else estimate
-    row, column, ranges = places(scan, methods, estimate=estimate)
+    row, column, ranges = places(scan, methods, flight)
     if window is None:
         window = window_of(row, column)
     # Looks of each pixel: overscanned rows overlap.

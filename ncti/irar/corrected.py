@@ -119,7 +119,7 @@ class Chain(Correction):
         """Return the tilt of corrected images, with places of looks for exact corrections only."""
         if self.chain != EXACT:
             return tilts(images, truths)
-        row, column, _ = places(scan, self, estimate=estimate)
+        row, column, _ = places(scan, self, estimate)
         return tilts(images, truths, places=(row - window.bottom, column - window.left))
 
     def window(self, mesh: trimesh.Trimesh, flight: Flight, error: tuple[str, float]) -> Window:

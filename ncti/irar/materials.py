@@ -28,14 +28,12 @@ def transom(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     """Return the mask (facet,) of the transom: at the stern's end and facing aft."""
     centre, normal = mesh.triangles_center, mesh.face_normals
     stern = centre[:, 0] < mesh.bounds[0, 0] + TRANSOM_DEPTH
-    transom_facets: NDArray[np.bool_] = stern & (normal[:, 0] < -LOOKS_AFT)
-    return transom_facets
+    return stern & (normal[:, 0] < -LOOKS_AFT)
 
 
 def masts(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     """Return the mask (facet,) of masts, yards and antennas: above half the ship's height."""
-    high: NDArray[np.bool_] = mesh.triangles_center[:, 2] > MAST_HEIGHT * mesh.bounds[1, 2]
-    return high
+    return mesh.triangles_center[:, 2] > MAST_HEIGHT * mesh.bounds[1, 2]
 
 
 def reflectivity(

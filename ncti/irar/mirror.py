@@ -40,8 +40,7 @@ def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0
             -compass_directions(source, 0.0),
         ]
     )
-    reflected: Floats = axes - 2 * (axes @ normal)[:, None] * normal
-    return reflected
+    return axes - 2 * (axes @ normal)[:, None] * normal
 
 
 def mirror_rotation(depression: float, *, mirror_angle: float = 45.0, form: str = "exact") -> float:

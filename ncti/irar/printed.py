@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require_word
-from ncti.irar.clusters import cluster_width, histogram_cluster_average
 from ncti.irar.flight import Flight
-from ncti.irar.looks import average, gather_looks
+from ncti.irar.looks import average, cluster_width, gather_looks, histogram_cluster_average
 from ncti.irar.mirror import mirror_rotation
-from ncti.irar.registration import Course, azimuth_shift, rotate
+from ncti.irar.registration import approach_rate, flight_shift, rotate
 from ncti.irar.scan import Scan
 from ncti.irar.snapshot import Snapshot, Window, centres, window_of
 from ncti.irar.time_delay import time_delay_integrate
@@ -94,7 +93,7 @@ def correct_as_printed(
     scans = max(1, round(flight.lines_per_pixel))
     rows = len(scan.intensity) // scans
     used = slice(0, rows * scans)
-    closer = _approach_rate(flight) * scan.time[used]
+    closer = approach_rate(flight) * scan.time[used]
     looks = (scan.range[used] + closer).reshape(rows, scans, -1)
     ranges = histogram_cluster_average(np.moveaxis(looks, 1, -1), window=cluster_width(flight))
     intensity, infrared = (
@@ -120,28 +119,11 @@ def correct_as_printed(
     )
 
 
-def _approach_rate(flight: Flight) -> float:
-    """Return the rate at which the slant range decreases in the snapshot [m/s]."""
-    return flight.closing_speed * math.cos(math.radians(flight.depression))
-
-
 def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats, Floats]:
     """Return rows and columns of averaged pixels after shift and rotation, (row, sample)."""
     frequency = flight.line_rate if rate == "line" else flight.pulse_rate
-    shifts = np.array(
-        [
-            azimuth_shift(
-                Course(flight.aircraft_speed, flight.track),
-                Course(flight.ship_speed, flight.ship_heading),
-                offset=flight.sight - flight.track,
-                slant_range=flight.slant_range - _approach_rate(flight) * moment,
-                ifov=flight.ifov,
-                rate=frequency,
-                scans=scans,
-            )
-            for moment in time.tolist()
-        ]
-    )
+    ranges = (flight.slant_range - approach_rate(flight) * time).tolist()
+    shifts = [flight_shift(flight, reach, rate=frequency, scans=scans) for reach in ranges]
     # Sum of the shifts up to each row, zero in the row of the ship's origin.
     total_shift = np.cumsum(shifts)
     total_shift -= np.interp(0.0, time, total_shift)

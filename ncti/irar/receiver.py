@@ -92,14 +92,13 @@ def peaks(
     step = min(BIN, flight.pulse_length / 4)
 
     # Waveforms of the samples that see the ship, grouped by their number of bins.
-    visible, first = np.unique(place, return_index=True)
+    visible, first, sample = np.unique(place, return_index=True, return_inverse=True)
     if len(visible):
         near = np.minimum.reduceat(distance, first)
         far = np.maximum.reduceat(distance, first)
         margin = math.ceil(1.5 * flight.pulse_length / step)
         bins = np.ceil((far - near) / step).astype(np.intp) + 2 * margin + 2
         sizes = np.exp2(np.ceil(np.log2(bins))).astype(np.intp)
-        sample = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(place))))
         for size in np.unique(sizes):
             chosen = np.flatnonzero(sizes == size)
             number = np.full(len(visible), -1)
@@ -141,10 +140,9 @@ def mean_return(returns: Returns, *, flight: Flight) -> tuple[NDArray[np.float32
     """
     count = math.prod(returns.shape)
     intensity, ranges = np.zeros(count, dtype=np.float32), np.full(count, np.nan)
-    visible, first = np.unique(returns.place, return_index=True)
+    visible, sample = np.unique(returns.place, return_inverse=True)
     if len(visible):
         # One row of rays per sample; rays that miss the ship have no power.
-        sample = np.repeat(np.arange(len(visible)), np.diff(np.append(first, len(returns.place))))
         power, distance = np.zeros((2, len(visible), returns.rays))
         power[sample, returns.ray] = returns.power
         distance[sample, returns.ray] = returns.distance

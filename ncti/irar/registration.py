@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_instance, require_word
+from ncti.checks import require, require_instance
 from ncti.irar.flight import Flight
-from ncti.irar.mirror import MIRROR_FORMS, mirror_rotation
+from ncti.irar.mirror import mirror_rotation
 
 Floats = NDArray[np.float64]
 
@@ -150,6 +150,25 @@ def azimuth_shift(
     return scans * bracket / (slant_range * ifov * rate)
 
 
+def approach_rate(flight: Flight) -> float:
+    """Return the rate at which the slant range decreases in the snapshot [m/s]."""
+    return flight.closing_speed * math.cos(math.radians(flight.depression))
+
+
+def flight_shift(flight: Flight, slant_range: float, *, rate: float, scans: float = 1.0) -> float:
+    """Return the `azimuth_shift` of a flight at a slant range [m]."""
+    return azimuth_shift(
+        # The equation assumes that the aircraft moves along its heading.
+        Course(flight.aircraft_speed, flight.track),
+        Course(flight.ship_speed, flight.ship_heading),
+        offset=flight.sight - flight.track,
+        slant_range=slant_range,
+        ifov=flight.ifov,
+        rate=rate,
+        scans=scans,
+    )
+
+
 def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Floats, Floats, Floats]:
     """Return row, column [pixel] and range [m] of each sample's target in the snapshot, exactly.
 
@@ -193,7 +212,6 @@ def mirror_displacement(
     tangent happens to equal that sine exactly, so the printed shear levels the waterline; only its
     columns remain 1 - cos(L) too wide.
     """
-    require_word("form", form, MIRROR_FORMS)
     level_row, level_column = raw_places(flight, samples)
     angles = flight.scan_angles(samples)
     if form == "exact":
@@ -224,30 +242,20 @@ def motion_displacement(
     ship, a mast leans by nearly 40 deg uncorrected, by some degrees with one shift, by one with
     each line's, and not at all with each pixel's.
     """
-    require_word("method", method, MOTION_METHODS)
     if method == "constant":
         row = flight.climb * time / flight.pixel
-        shift = flight.line_rate * azimuth_shift(
-            # The equation assumes that the aircraft moves along its heading.
-            Course(flight.aircraft_speed, flight.track),
-            Course(flight.ship_speed, flight.ship_heading),
-            offset=flight.sight - flight.track,
-            slant_range=flight.slant_range,
-            ifov=flight.ifov,
-            rate=flight.line_rate,
-        )
-        towards = flight.closing_speed * math.cos(math.radians(flight.depression))
-        return row, -shift * time, towards * time
+        shift = flight.line_rate * flight_shift(flight, flight.slant_range, rate=flight.line_rate)
+        return row, -shift * time, approach_rate(flight) * time
     # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
-    now, then = flight.position(time), flight.position(np.zeros(()))
+    now = flight.position(time)
+    nominal = np.linalg.norm(now, axis=-1)
     if method == "line":
         row, column = _image_places(flight, -now)
-        nominal = np.linalg.norm(now, axis=-1)
         return -row, -column, flight.slant_range - nominal
     row, column, distance = snapshot_places(flight, time, ranges)
     row_now, column_now = _image_places(flight, _beams(flight, time.shape))
-    nominal = np.linalg.norm(now, axis=-1)
-    closer = np.where(np.isnan(ranges), np.linalg.norm(then) - nominal, distance - ranges)
+    then = np.linalg.norm(flight.position(np.zeros(())))
+    closer = np.where(np.isnan(ranges), then - nominal, distance - ranges)
     return row - row_now, column - column_now, closer
 
 

@@ -25,7 +25,7 @@ RAYS = 5
 MARGIN = 3.0
 """Pixels of sea around the ship that a scan includes."""
 
-MOST_LINES = 20_000
+MAX_LINES = 20_000
 """Largest number of lines of a pass: thirty times those of a flight at the article's overscan."""
 
 LINES_AT_ONCE = 64
@@ -120,10 +120,10 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     margin = MARGIN * flight.ifov + 4 * flight.jitter
     within = margin / pace.min() + flight.samples / flight.pulse_rate
     start, stop = float(meets.min()) - within, float(meets.max()) + within
-    if (stop - start) * flight.line_rate > MOST_LINES:
+    if (stop - start) * flight.line_rate > MAX_LINES:
         raise ValueError(
             f"line_rate is {flight.line_rate:g}, but must be at most "
-            f"{MOST_LINES / (stop - start):.3g}, for {MOST_LINES} lines in this pass"
+            f"{MAX_LINES / (stop - start):.3g}, for {MAX_LINES} lines in this pass"
         )
     needed = math.ceil(2 * (float(np.abs(along).max()) + margin) / flight.ifov)
     if flight.pointing is None and needed > flight.samples:
@@ -213,7 +213,8 @@ def scan_scene(
         along = along + errors[line, :1]
         origin = flight.position(time[line])
         # Skip samples whose middle misses the ship's bounding sphere: they see the sea.
-        middle = flight.directions(along, np.broadcast_to(errors[line, 1:], along.shape))
+        across = np.broadcast_to(errors[line, 1:], along.shape)
+        middle = flight.directions(along, across)
         to_ship = mesh.bounds.mean(axis=0) - origin
         separation = np.linalg.norm(to_ship, axis=-1)
         reach = np.arcsin(np.minimum(radius / separation, 1.0)) + flight.ifov
@@ -223,10 +224,7 @@ def scan_scene(
             continue
         # A grid of rays over the IFOV of each remaining sample.
         right = along[near][:, None, None] + ray_offset
-        above = (
-            np.broadcast_to(errors[line, 1:], along.shape)[near][:, None, None]
-            + ray_offset[:, None]
-        )
+        above = across[near][:, None, None] + ray_offset[:, None]
         right, above = np.broadcast_arrays(right, above)
         ways = flight.directions(right, above).reshape(-1, 3)
         starts = np.repeat(origin[near], RAYS**2, axis=0)

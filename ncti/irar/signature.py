@@ -7,7 +7,7 @@ import numpy as np
 from ncti.checks import NothingSeenError, require
 from ncti.irar.flight import Flight
 from ncti.irar.snapshot import ShipPixels, Snapshot
-from ncti.ladar import Beam, RangeExtent
+from ncti.ladar import Beam, RangeExtent, bin_centres
 
 
 def measured_extent(
@@ -89,7 +89,8 @@ def measured_extent(
     # Pixels of the ship and their range bins.
     pixels = image if isinstance(image, ShipPixels) else image.ship_pixels
     down_range = pixels.range - flight.slant_range
-    bins = round(window / bin_width)
+    centres = bin_centres(window, bin_width)
+    bins = centres.size
     place = np.floor(down_range / bin_width + bins / 2).astype(np.intp)
     inside = (place >= 0) & (place < bins)
     if not inside.any():
@@ -105,5 +106,4 @@ def measured_extent(
     area = filled * flight.pixel**2 * pixels.height * pixels.width / side**2
     fraction = np.zeros((len(cell), bins))
     np.add.at(fraction, (index.ravel(), place[inside]), area)
-    centres = np.arange(-(bins - 1) / 2, bins / 2, dtype=np.float64) * bin_width
     return RangeExtent(fraction, centres, bin_width, cell, ifov, slant_range)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -162,7 +162,8 @@ def tilts(
 
     # Brightness in units of the ship's, in the image and in the truth.
     for channel, ship in zip(observed, cells, strict=True):
-        level, truth_level = _levels(channel, _block_means(ship, factor))
+        averaged = ship.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
+        level, truth_level = _levels(channel, averaged)
         if not level > 0:
             return _NONE
         channel /= level
@@ -174,25 +175,22 @@ def tilts(
         cells = np.stack([_refine_rows(_refine_rows(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
 
-    looks = Looks.of(
-        _even_looks(rows, columns, factor) if places is None else places, observed.shape[1:]
-    )
+    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
+    if places is None:  # spread evenly over each pixel, one per cell
+        row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
+        row, column = np.broadcast_arrays(row[:, None], column)
+        places = row, column
+    looks = Looks.of(places, observed.shape[1:])
     view = Truth(cells, factor)
     known &= looks.count.reshape(1, rows, columns) > 0
 
     # A first estimate from whole shifts, then a fit of the pixels around the ship.
     place = _starting_place(observed, view, looks)
     box = _ship_block(view.image(place, looks)[0])
-    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
     fit = fit_place(observed[:, *box], known[:, *box], view, looks.block(*box), place, least)
     if fit is None:
         return _NONE
-    tilt = _tilt(*fit)
-    return replace(
-        tilt,
-        mast_error=math.hypot(tilt.mast_error, math.degrees(lean / view.rows)),
-        waterline_error=math.hypot(tilt.waterline_error, math.degrees(lean / view.columns)),
-    )
+    return _tilt(*fit, (lean / view.rows, lean / view.columns))
 
 
 def _checked_images(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats, NDArray[np.bool_]]:
@@ -215,16 +213,20 @@ def _checked_images(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats,
     return observed, cells, known
 
 
-def _tilt(place: Floats, covariance: Floats) -> Tilt:
-    """Return the image's tilt from the fitted place, which maps the image to the truth."""
+def _tilt(place: Floats, covariance: Floats, footprints: tuple[float, float]) -> Tilt:
+    """Return the image's tilt from the fitted place, which maps the image to the truth.
+
+    `footprints` are the errors of mast and waterline by the footprints of samples [rad].
+    """
     leans = []
     # Mast from columns a row, waterline from rows a column; errors by linear propagation.
-    for lean, scale in ((2, 5), (3, 4)):
+    for lean, scale, footprint in ((2, 5, footprints[0]), (3, 4, footprints[1])):
         slope = -place[lean] / place[scale]
         change = np.zeros(6)
         change[lean], change[scale] = 1.0, slope
         error = math.sqrt(change @ covariance @ change) / abs(place[scale]) / (1.0 + slope**2)
-        leans.append((math.degrees(math.atan(slope)), math.degrees(error)))
+        error = math.hypot(math.degrees(error), math.degrees(footprint))
+        leans.append((math.degrees(math.atan(slope)), error))
     (mast, mast_error), (waterline, waterline_error) = leans
     # The displacement belongs to the inverse map.
     matrix = np.array([[place[4], place[3]], [place[2], place[5]]])
@@ -306,20 +308,6 @@ def _refine_rows(cells: Floats, factor: int) -> Floats:
     edges = np.arange(rows * factor + 1) / factor
     finer = np.diff(PchipInterpolator(np.arange(rows + 1), total, axis=0)(edges), axis=0) * factor
     return np.maximum(finer, 0.0)
-
-
-def _block_means(cells: Floats, factor: int) -> Floats:
-    """Return means over blocks of factor x factor cells."""
-    rows, columns = cells.shape[0] // factor, cells.shape[1] // factor
-    averaged: Floats = cells.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
-    return averaged
-
-
-def _even_looks(rows: int, columns: int, factor: int) -> tuple[Floats, Floats]:
-    """Return places of looks spread evenly over each pixel, one per cell."""
-    row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
-    spread = np.broadcast_arrays(row[:, None], column)
-    return spread[0], spread[1]
 
 
 def _checked_image(name: str, values: ArrayLike) -> Floats:

@@ -103,48 +103,23 @@ def _equations(
     Terms are (pixel, 6 + 2 channels): derivatives by place, then by gains and offsets. The misfit
     is (pixel,).
     """
-    gain, offset = fit.gain[channel], fit.offset[channel]
+    gain, offset, channels = fit.gain[channel], fit.offset[channel], len(fit.gain)
     residual = observed - gain * model - offset
 
     # Standard deviation up to a factor, the scatter: speckle grows with the model, noise does not.
-    spread = _spread(model, residual, known, gain, offset, floor, fit.scatter[channel])
-    scatter = _scatter(model, residual / spread, known, least)
+    dark = (model == 0) & known
+    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
+    noise = max(floor, around / fit.scatter[channel])
+    spread = np.maximum(gain * model + offset, 0.0) + noise
+    # The scatter is that of the median residual of the ship's brighter pixels.
+    bright = (model > model.max() / 5) & known
+    scatter = max(1.4826 * float(np.median(np.abs((residual / spread)[bright]))), least)
 
     # Tukey's biweight leaves out residuals beyond `_TUKEY` standard deviations.
     unit = residual / (spread * scatter)
     weight = np.maximum(1.0 - (unit / _TUKEY) ** 2, 0.0) * known
-    terms = _terms(channel, len(fit.gain), gain, model, slopes, weight / spread / scatter)
-    return terms, (unit * weight).ravel(), scatter
-
-
-def _spread(
-    model: Floats,
-    residual: Floats,
-    known: NDArray[np.bool_],
-    gain: float,
-    offset: float,
-    floor: float,
-    scatter: float,
-) -> Floats:
-    """Return the standard deviation of residuals up to a factor, the scatter."""
-    dark = (model == 0) & known
-    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
-    spread: Floats = np.maximum(gain * model + offset, 0.0) + max(floor, around / scatter)
-    return spread
-
-
-def _scatter(model: Floats, unit: Floats, known: NDArray[np.bool_], least: float) -> float:
-    """Return the scatter, from the median residual of the ship's brighter pixels."""
-    bright = (model > model.max() / 5) & known
-    return max(1.4826 * float(np.median(np.abs(unit[bright]))), least)
-
-
-def _terms(
-    channel: int, channels: int, gain: float, model: Floats, slopes: Floats, weight: Floats
-) -> Floats:
-    """Return weighted derivatives by place, gains and offsets, (pixel, 6 + 2 channels)."""
     terms = np.zeros((*model.shape, 6 + 2 * channels))
     terms[..., :6] = gain * slopes
     terms[..., 6 + channel], terms[..., 6 + channels + channel] = model, 1.0
-    terms *= weight[..., None]
-    return terms.reshape(-1, terms.shape[-1])
+    terms *= (weight / spread / scatter)[..., None]
+    return terms.reshape(-1, terms.shape[-1]), (unit * weight).ravel(), scatter

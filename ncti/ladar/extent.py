@@ -21,8 +21,8 @@ Floats = NDArray[np.float64]
 
 REFERENCE_BIN = 1.0  # m; the range bin for which the article states its beta-hat
 FARTHEST = 1e15  # m; the square of a longer slant range would leave float64
-MOST_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
-MOST_SHIFT = 1e6  # IFOVs; positions within an IFOV then keep a precision of 1e-10
+MAX_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
+MAX_SHIFT = 1e6  # IFOVs; positions within an IFOV then keep a precision of 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,7 +324,7 @@ def range_extent(
     half_window, bin_count = bins_of(window, bin_width)
     require("spread", spread, minimum=0.0)
     require_word("reflectance", reflectance, ("projected_area", "lambertian"))
-    require_each("shift", shift, 2, minimum=-MOST_SHIFT, maximum=MOST_SHIFT)
+    require_each("shift", shift, 2, minimum=-MAX_SHIFT, maximum=MAX_SHIFT)
     shift = float(shift[0]), float(shift[1])
     check_made_at(image.slant_range, slant_range)
     side = ifov * slant_range
@@ -412,7 +412,7 @@ def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: f
 def bins_of(window: float, bin_width: float) -> tuple[float, int]:
     """Return half the length of the range window [m] and its number of bins."""
     require("window", window, positive=True)
-    require("bin_width", bin_width, positive=True, minimum=window / MOST_BINS)
+    require("bin_width", bin_width, positive=True, minimum=window / MAX_BINS)
     bin_count = max(1, round(window / bin_width))
     return bin_count * bin_width / 2, bin_count
 

@@ -23,7 +23,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
-MOST_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
+MAX_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
 ELSEWHERE = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
@@ -200,9 +200,9 @@ def frame_blocks(
     bins = extent.down_range.size
     pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
     as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
-    if not as_sum and target_free_ifovs > MOST_DRAWN:
+    if not as_sum and target_free_ifovs > MAX_DRAWN:
         raise ValueError(
-            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MOST_DRAWN} for the "
+            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MAX_DRAWN} for the "
             f"receiver {receiver}, which sees each of them"
         )
     # Imported here because numba is slow to import.
@@ -226,13 +226,11 @@ def frame_blocks(
         for first in range(0, frame_count, FRAMES_AT_ONCE):
             block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
             for start in range(0, len(block), ROWS_AT_ONCE):
-                rows = block[start : start + ROWS_AT_ONCE]
+                rows, number = block[start : start + ROWS_AT_ONCE], first + start
                 if floor:
-                    rows += math.sqrt(target_free_ifovs) * floor.deviations(
-                        first + start, len(rows)
-                    )
+                    rows += math.sqrt(target_free_ifovs) * floor.deviations(number, len(rows))
                 # All other IFOVs individually: waveform, receiver, sum.
-                for amplitude in waveforms.magnitudes(first + start, len(rows)):
+                for amplitude in waveforms.magnitudes(number, len(rows)):
                     accumulate_frames(detected(amplitude), rows)
             yield block
 
@@ -359,5 +357,4 @@ def _floor_filter(*, pulse_width: float, bin_width: float, bin_count: int) -> ND
     half = next_fast_len(math.ceil(max(bin_count + reach, 2 * reach) / 2), real=True)
     floor = floor_by_lag(noise_by_lag(**pulse, bin_count=half + 1))
     spectrum = rfft(np.concatenate([floor, floor[-2:0:-1]])).real
-    transfer: NDArray[np.float32] = np.sqrt(np.maximum(spectrum, 0.0)).astype(np.float32)
-    return transfer
+    return np.sqrt(np.maximum(spectrum, 0.0)).astype(np.float32)

@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncti.ladar.extent import RangeExtent
+from ncti.ladar.extent import no_return
 from ncti.ladar.frames import sample_frames
 from ncti.machine_code import Loops
 
 
 def _sample() -> None:
     """Sample one small frame, which compiles its loops for the types that sweeps use."""
-    nowhere = RangeExtent(
-        np.zeros((0, 20)),
-        np.arange(20.0),
-        bin_width=1.0,
-        cell=np.zeros((0, 2), np.int64),
-        ifov=1e-4,
-        slant_range=1e5,
-    )
-    rng = np.random.default_rng(0)
+    nowhere, rng = no_return(20.0, 1.0), np.random.default_rng(0)
     sample_frames(nowhere, pulse_width=3e-8, cnr=1.0, frame_count=1, rng=rng, target_free_ifovs=1)
 
 

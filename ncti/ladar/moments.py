@@ -239,8 +239,6 @@ def frame_variance(
     IFOVs are independent, and the variance of a Rayleigh magnitude is 4 / pi - 1 times its mean
     squared.
     """
-    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
-    require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
     kernel = target_kernel(
         pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
     )
@@ -252,8 +250,7 @@ def frame_variance(
 
 def floor_by_lag(noise: Floats) -> Floats:
     """Return the covariance of one target-free IFOV's output by lag, from `noise_by_lag`."""
-    floor: Floats = noise[0] * _bracket(np.square(noise / noise[0]))
-    return floor
+    return noise[0] * _bracket(np.square(noise / noise[0]))
 
 
 def floor_reach(*, pulse_width: float, bin_width: float) -> int:

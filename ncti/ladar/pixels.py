@@ -23,8 +23,9 @@ def places(image: RangeImage, hit: Hit, slant_range: float) -> tuple[Floats, Flo
     """Return down-range, horizontal and vertical cross-range [m] of the pixels on the ship."""
     r = image.down_range[hit]
     horizontal, vertical = image.cross_range_at(*hit)
-    if image.slant_range is None:
-        r = r + _sagitta(r, horizontal**2 + vertical**2, slant_range)
+    if image.slant_range is None:  # the wavefront is curved: sqrt(along^2 + square) - along
+        along, square = slant_range + r, horizontal**2 + vertical**2
+        r = r + square / (along + np.sqrt(along**2 + square))
     return r, horizontal, vertical
 
 
@@ -39,14 +40,6 @@ def boxes(
         near = 1.0 + image.down_range[hit] / (image.slant_range or np.inf)
         area /= np.sqrt(1 + (slope[:, 0] ** 2 + slope[:, 1] ** 2) / near**2)
     return area, spread * image.pixel * (np.abs(slope[:, 0]) + np.abs(slope[:, 1])) / 2
-
-
-def _sagitta(
-    r: NDArray[np.float64], cross_range_squared: NDArray[np.float64], slant_range: float
-) -> NDArray[np.float64]:
-    """Return the wavefront curvature sqrt((R0 + r)^2 + s^2) - (R0 + r) [m] without cancellation."""
-    along = slant_range + r
-    return cross_range_squared / (along + np.sqrt(along**2 + cross_range_squared))
 
 
 def tile(

@@ -19,7 +19,7 @@ MIN_BINS = 2.0
 
 SHORTEST, LONGEST = 1e-15, 1.0  # s; outside these limits the square of N_z leaves float64
 UNDECOMPOSED = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
-MOST_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
+MAX_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
 def shortest_pulse(bin_width: float) -> float:
@@ -52,10 +52,10 @@ def _check_pulse(pulse_width: float, bin_width: float, bin_count: int) -> None:
     """Raise `ValueError` for pulses and bins beyond the limits of float64 or memory."""
     require("pulse_width", pulse_width, minimum=SHORTEST, maximum=LONGEST)
     require("bin_width", bin_width, positive=True)
-    if bin_count > MOST_BINS:
+    if bin_count > MAX_BINS:
         raise ValueError(
             f"bin_width is {bin_width!r} m, which makes {bin_count} range bins, but must be so "
-            f"wide that there are at most {MOST_BINS}"
+            f"wide that there are at most {MAX_BINS}"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,11 +81,8 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
     if not occupied.size:
         return 0.0
     deviation = deviation[:, occupied[0] : occupied[-1] + 1]
-    if pulse_width > 0.0:
-        response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
-        total *= float(response.sum())
-        deviation = np.array([np.convolve(row, response) for row in deviation])
-    return PIXELS * float(np.sqrt((deviation**2).mean(axis=0)).sum()) / total
+    deviation, gain = _after_pulse(deviation, pulse_width, bin_width)
+    return PIXELS * float(np.sqrt((deviation**2).mean(axis=0)).sum()) / (total * gain)
 
 
 def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float:
@@ -94,11 +92,18 @@ def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float
         return math.nan
     occupied = np.flatnonzero(strands.any(axis=0))
     waves = _WAVES @ strands[:, occupied[0] : occupied[-1] + 1]
-    if pulse_width > 0.0:
-        response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
-        total *= float(response.sum())
-        waves = np.array([np.convolve(wave, response) for wave in waves])
-    return float(np.abs(waves).sum()) / (len(FINE) * total)
+    waves, gain = _after_pulse(waves, pulse_width, bin_width)
+    return float(np.abs(waves).sum()) / (len(FINE) * (total * gain))
+
+
+def _after_pulse(
+    rows: NDArray[Any], pulse_width: float, bin_width: float
+) -> tuple[NDArray[Any], float]:
+    """Return rows (row, bin) after a pulse's power response, and the sum of the response."""
+    if not pulse_width > 0.0:
+        return rows, 1.0
+    response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
+    return np.array([np.convolve(row, response) for row in rows]), float(response.sum())
 
 
 def scarcity(line_count: int) -> float:

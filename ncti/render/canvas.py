@@ -60,8 +60,7 @@ class Canvas:
                 self._scene.remove_node(oldest)
             self._renderer.upload(self._scene)
         self._nodes[solid] = node
-        facets: _Facets = node.mesh.primitives[0]
-        return facets
+        return node.mesh.primitives[0]
 
 
 class _Facets(pyrender.Primitive):

@@ -7,8 +7,9 @@ import os
 from functools import lru_cache
 from threading import RLock
 
+from ncti.render.embree import EmbreeEngine
 from ncti.render.engine import Engine, EngineError
-from ncti.render.opengl import bound_platform
+from ncti.render.opengl import PyrenderEngine, bound_platform
 
 _LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {  # by engine, each one of several files
     "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),),
@@ -84,7 +85,7 @@ def start_engine(name: str) -> Engine:
         name = choose_engine(name)
         key = os.getpid(), name  # An engine does not survive a fork.
         if key not in _running:
-            _running[key] = _start(name)
+            _running[key] = EmbreeEngine() if name == "embree" else PyrenderEngine(name)
         return _running[key]
 
 
@@ -92,13 +93,3 @@ _running: dict[tuple[int, str], Engine] = {}
 # Held from the choice of an engine until it runs: "auto" depends on the engines started before, and
 # importing OpenGL binds it to a platform, which must not happen twice.
 _lock = RLock()
-
-
-def _start(name: str) -> Engine:
-    if name == "embree":
-        from ncti.render.embree import EmbreeEngine
-
-        return EmbreeEngine()
-    from ncti.render.gl import PyrenderEngine
-
-    return PyrenderEngine(name)

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import asdict
 
 from ncti.checks import require
 from ncti.render.choice import start_engine
 from ncti.render.image import RangeImage
 from ncti.render.solid import Solid, surface
 from ncti.render.view import ROLL, Lattice, View
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 
 def range_image(
@@ -88,12 +86,5 @@ def range_image(
     facet = drawing.visible(solid, view, lattice, points)
     down_range, gradient = surface(solid, view, lattice, points, facet)
     return RangeImage(
-        down_range,
-        gradient,
-        pixel=lattice.pixel,
-        origin=lattice.origin,
-        aspect=view.aspect,
-        depression=view.depression,
-        roll=view.roll,
-        slant_range=view.slant_range,
+        down_range, gradient, pixel=lattice.pixel, origin=lattice.origin, **asdict(view)
     )

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,7 @@ from ncti.render.lines import LineImage
 from ncti.render.surfaces import Surfaces
 from ncti.render.threads import sweep_lines
 from ncti.render.view import ROLL, View
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
@@ -185,16 +182,7 @@ def _draw_pieces(
         crossings, surfaces=len(surfaces.area), every=every, kept=kept
     )
     return LineImage(
-        line,
-        piece,
-        surface,
-        surfaces.normals,
-        spacing=spacing,
-        phase=phase,
-        aspect=view.aspect,
-        depression=view.depression,
-        roll=view.roll,
-        slant_range=view.slant_range,
+        line, piece, surface, surfaces.normals, spacing=spacing, phase=phase, **asdict(view)
     )
 
 

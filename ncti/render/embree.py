@@ -10,8 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.incidence import STEEPEST
-from ncti.render.solid import Solid, covered_columns
+from ncti.render.solid import STEEPEST, Solid, covered_columns
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20
@@ -78,12 +77,8 @@ class EmbreeEngine:
             begin = (origin + passed[:, None] * along).astype(np.float32)
             facet[ray] = self._first_facets(solid, begin, along.astype(np.float32))
             remaining = _hits_from_behind(solid, facet[ray], along)
-            ray, origin, along, passed = (
-                ray[remaining],
-                origin[remaining],
-                along[remaining],
-                passed[remaining],
-            )
+            ray, origin, along = ray[remaining], origin[remaining], along[remaining]
+            passed = passed[remaining]
         return facet
 
     def _first_facets(

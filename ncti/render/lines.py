@@ -105,8 +105,7 @@ class LineImage:
         q, k = self.piece[:, 2:], self.curvature
         w = 1.0 / (1.0 - k * q)
         square = self.piece[:, :2] ** 2 + (self._height**2)[:, None]
-        down_range: Floats = q * w + k * w * square / (1.0 + np.sqrt(1.0 + k**2 * square))
-        return down_range
+        return q * w + k * w * square / (1.0 + np.sqrt(1.0 + k**2 * square))
 
     @property
     def cosine(self) -> Floats:
@@ -114,8 +113,7 @@ class LineImage:
         n = self.normal[self.surface] @ View(self.aspect, self.depression, self.roll).axes.T
         x, y, k = self.piece[:, :2].mean(axis=1), self._height, self.curvature
         sight = np.sqrt(1.0 + k**2 * (x**2 + y**2))
-        cosine: Floats = np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
-        return cosine
+        return np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
 
     @property
     def _height(self) -> Floats:
@@ -184,18 +182,12 @@ class LineImage:
         from ncti.render.pieces import Depths, Grid, Parts, bin_pieces  # numba takes long to import
 
         reach = slant_range or self.slant_range
-        curved = bool(reach) and np.isfinite(bin_width)
+        wavefront = 1.0 / reach if reach and np.isfinite(bin_width) else 0.0
         area = np.full(len(self.line), self.spacing)
         if weight is not None:
             area = area * weight
         grid = Grid(turn_of(self.roll), float(side), (float(shift[0]), float(shift[1])))
-        depths = Depths(
-            self.curvature,
-            1.0 / reach if reach and curved else 0.0,
-            float(near),
-            float(bin_width),
-            int(bin_count),
-        )
+        depths = Depths(self.curvature, wavefront, float(near), float(bin_width), int(bin_count))
         return Parts(
             *bin_pieces(self.line, self.piece, area, self.spacing, self.phase, grid, depths)
         )

@@ -14,9 +14,7 @@ LINES, MASK = "lines", "mask"
 _VIEW: dict[str, Any] = {"aspect": 30.0, "depression": 10.0}
 _BOX = ShipMesh(
     np.array([*product((-4.0, 4.0), (-2.0, 2.0), (-2.0, 2.0))]),
-    np.reshape([int(corner) for corner in "130410032240173514571372642276654756"], (12, 3)).astype(
-        np.int32
-    ),
+    np.array([*map(int, "130410032240173514571372642276654756")], np.int32).reshape(12, 3),
     {"digest": "box"},
 )
 """8 by 4 by 4 m, its corners numbered by their bits."""
@@ -30,7 +28,7 @@ def engine_loops(engine: str) -> Loops:
     if engine == LINES:
         return Loops(owner, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
     if engine == "embree":
-        return Loops(owner, ("render.pixels.rays", "render.spans.row_spans"), _draw_by_embree)
+        return Loops(owner, ("render.pixels.rays", "render.pixels.row_spans"), _draw_by_embree)
     return Loops(owner, ("render.pixels.sampled_facets",), _draw_without_context)
 
 

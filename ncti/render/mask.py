@@ -7,7 +7,6 @@ neither depth nor facets.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,7 @@ from ncti.compiled import compiled
 from ncti.render import pixels
 from ncti.render.solid import SNAP, Solid
 from ncti.render.view import ROLL, Lattice, View, clip_matrix
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

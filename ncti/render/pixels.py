@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled, inlined
-from ncti.render.incidence import STEEP, STEEPEST
+from ncti.render.solid import STEEP, STEEPEST
 
 Floats = NDArray[np.float64]
 Index = int | np.integer[Any]
@@ -23,6 +23,9 @@ BATCH = 256
 
 ROWS = 4
 """Rows of a facet per test; four facets in five have no more."""
+
+STRIP = 8
+"""Rows that share their first and last column on a ship, to save time."""
 
 COVERS, MORE = 1, 2
 """State of a facet: it has a pixel centre in the rows tested; it has more rows."""
@@ -181,6 +184,60 @@ def _covers(triangle: tuple[Any, ...], row: float) -> bool:
     first = max(max(left, side_a[1] + a), max(side_b[1] + b, side_c[1] + c))
     last = min(min(right, side_a[2] + a), min(side_b[2] + b, side_c[2] + c))
     return bool((np.floor(last) >= first) & (row <= high))
+
+
+@compiled
+def row_spans(
+    seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
+) -> NDArray[np.int64]:
+    """Return (row, 2): the first column of each row that may see the ship, and one past the last.
+
+    Arguments are as of `sampled_facets`, but facets count from either side.
+    """
+    rows, columns = shape
+    strips = (rows - 1) // STRIP + 1
+    reach = np.empty((strips, 2))
+    reach[:, 0], reach[:, 1] = np.inf, -np.inf
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay = seen[i, 0], seen[i, 1]
+        bx, by = seen[j, 0], seen[j, 1]
+        cx, cy = seen[k, 0], seen[k, 1]
+        first, last = _strip_range(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
+        if first == last:  # the whole width of a facet within one strip
+            reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
+            reach[first, 1] = max(reach[first, 1], max(ax, max(bx, cx)) + margin)
+        elif first < last:
+            _widen(reach, ax, ay, bx, by, margin)
+            _widen(reach, bx, by, cx, cy, margin)
+            _widen(reach, cx, cy, ax, ay, margin)
+    span = np.zeros((rows, 2), np.int64)
+    for row in range(rows):
+        left, right = reach[row // STRIP]
+        if left <= right:
+            span[row, 0] = max(math.ceil(left), 0)
+            span[row, 1] = max(min(math.floor(right) + 1, columns), span[row, 0])
+    return span
+
+
+@compiled
+def _strip_range(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
+    """Return the first and the last strip with a row between two places, or nearly."""
+    first = max(math.ceil(low - margin), 0) // STRIP
+    return first, min(math.floor(high + margin) // STRIP, strips - 1)
+
+
+@compiled
+def _widen(reach: Floats, x: float, y: float, u: float, v: float, margin: float) -> None:
+    """Widen the reach of strips by a side from (x, y) to (u, v) that is moved by up to a margin."""
+    left, right = min(x, u) - margin, max(x, u) + margin
+    slope = (u - x) / (v - y) if abs(v - y) > 1e-9 else 0.0
+    broad = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
+    first, last = _strip_range(min(y, v), max(y, v), len(reach), margin)
+    for strip in range(first, last + 1):
+        middle = x + (strip * STRIP + (STRIP - 1) / 2 - y) * slope
+        reach[strip, 0] = min(reach[strip, 0], max(left, middle - broad))
+        reach[strip, 1] = max(reach[strip, 1], min(right, middle + broad))
 
 
 @compiled

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.incidence import STEEP, STEEPEST
-from ncti.render.solid import Solid
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.render.solid import STEEP, STEEPEST, Solid
+from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 

@@ -89,7 +89,8 @@ class Sampling:
         if self.engine == LINES:
             # Halve the spacing until there are enough lines. Where a bound on the area shows that
             # coarse lines are too few, start with finer ones.
-            area, halvings = self._area_bound(mesh, aspect, depression), 0
+            sight = View(aspect, depression).axes[2]
+            area, halvings = VISIBLE * Surfaces.of(mesh).facing_area(-sight), 0
             while self._is_short(area, self.pixel / 2**halvings):
                 halvings += 1
             first = {"spacing": self.pixel / 2**halvings, "phase": 2**halvings * PHASE % 1}
@@ -112,8 +113,3 @@ class Sampling:
     def _is_short(self, area: float, spacing: float) -> bool:
         """Return whether an area [m^2] has too few samples and the spacing may be halved."""
         return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
-
-    def _area_bound(self, mesh: Mesh, aspect: float, depression: float) -> float:
-        """Return an upper bound on the visible area of a ship [m^2]."""
-        sight = View(aspect, depression).axes[2]
-        return VISIBLE * Surfaces.of(mesh).facing_area(-sight)

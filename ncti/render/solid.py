@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 from threading import Lock
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.view import Lattice, View
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
 
 KEPT = 8
 """Ships kept, here and on a canvas: the six packaged ones and two of the user's."""
+
+STEEPEST = 1e-4
+"""Smallest cosine of incidence that is not edge-on. A steeper facet is narrower than the grid of a
+rasteriser and seen by chance; the bound keeps its slope finite."""
+
+STEEP = 0.1
+"""Cosine of incidence below which the place of a facet's border on that grid matters: at slope 10,
+half a step of the grid, 1/512 pixel, is 5 mm of range with 0.25 m pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,10 +143,10 @@ def covered_columns(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Return (row, 2) int64: first column of each row that may see the ship, and past the last."""
-    from ncti.render.spans import row_spans
+    from ncti.render import pixels
 
     positions, faces, margin = _place_vertices(solid, view, lattice, points)
-    return row_spans(positions, faces, lattice.shape, margin)
+    return pixels.row_spans(positions, faces, lattice.shape, margin)
 
 
 def _place_vertices(

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
-from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.solid import Solid
-
-if TYPE_CHECKING:
-    from ncti.ships.shape import Mesh
+from ncti.ships.shape import Mesh
+from ncti.ships.surfaces import components
 
 Floats = NDArray[np.float64]
 
@@ -101,7 +99,7 @@ class Surfaces:
         paired = _pairs(low, high, ahead)
         left, right = facet[paired], facet[paired + 1]
 
-        surface = _merge_coplanar(normals, faces, vertices, left, right)
+        surface = _merge_coplanar(normals, corner, area, left, right)
         size = int(surface.max()) + 1
         unpaired = np.ones(3 * count, dtype=bool)
         unpaired[paired] = unpaired[paired + 1] = False
@@ -124,7 +122,7 @@ class Surfaces:
         )
 
 
-def _sums(surface: NDArray[np.intp], vectors: Floats, size: int) -> Floats:
+def _sums(surface: NDArray[np.integer], vectors: Floats, size: int) -> Floats:
     """Return the sum of the vectors of the facets of each surface."""
     return np.stack([np.bincount(surface, component, size) for component in vectors.T], 1).astype(
         np.float64
@@ -160,23 +158,21 @@ def _pairs(
 
 def _merge_coplanar(
     n: Floats,
-    faces: NDArray[np.integer],
-    vertices: Floats,
+    corner: Floats,
+    area: Floats,
     left: NDArray[np.integer],
     right: NDArray[np.integer],
 ) -> NDArray[np.intp]:
-    """Return the surface of each facet: coplanar neighbours are one, if all lie in a plane."""
-    from scipy.sparse import coo_array  # takes long to import
-    from scipy.sparse.csgraph import connected_components
+    """Return the surface of each facet: coplanar neighbours are one, if all lie in a plane.
 
-    count = len(faces)
+    `n` (facet, 3) are unit normals, `corner` (facet, 3, 3) [m], `area` (facet, 3) area vectors;
+    `left` and `right` (edge,) the facets on both sides of an edge.
+    """
     turn = np.linalg.norm(n[left] - n[right], axis=1)
     flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
-    pairs = coo_array((np.ones(flat.sum()), (left[flat], right[flat])), shape=(count, count))
-    size, surface = connected_components(pairs, directed=False)
+    surface = components(left[flat], right[flat], len(n))
+    size = int(surface.max()) + 1
     # Plates along a gentle curve may be coplanar with their neighbours, but not all together.
-    corner = vertices[faces]
-    area = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     normal = _sums(surface, area, size)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     height = np.einsum("ijk,ik->ij", corner, normal[surface])

@@ -13,7 +13,7 @@ from ncti.processors import processor_count
 from ncti.ships.errors import ShipError
 from ncti.ships.loading import describe, is_built
 
-MOST_PROCESSES = 8
+MAX_PROCESSES = 8
 """Most processes by default: a login node has other users."""
 
 
@@ -26,12 +26,12 @@ def build_ahead(
 ) -> None:
     """Build named ships into a cache folder, in several processes including this one.
 
-    By default one process per processor, up to `MOST_PROCESSES`. Ships that cannot be built are
+    By default one process per processor, up to `MAX_PROCESSES`. Ships that cannot be built are
     left out, since `describe` states the fault; so are the ships of a process that cannot start or
     is killed. `progress` is called with the number of ships that are built, after each one of this
     process.
     """
-    most = processes or min(processor_count(), MOST_PROCESSES)
+    most = processes or min(processor_count(), MAX_PROCESSES)
     count = max(1, min(most, len(ships)))
     others: list[Popen[bytes]] = []
     try:

@@ -25,8 +25,8 @@ from ncti.ships.surfaces import (
 )
 from ncti.ships.welding import APART, count_text, weld_surface
 
-MOST_OPENINGS = 10_000  # to which planes are fitted
-MOST_OPEN = 0.05  # of the surface, up to which openings are closed on request
+MAX_OPENINGS = 10_000  # to which planes are fitted
+MAX_OPEN = 0.05  # of the surface, up to which openings are closed on request
 FLAT = 1e-7  # volume over surface and longest extent, up to which a body has no inside
 WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body around it
 
@@ -119,7 +119,7 @@ def closed_bodies(
 
     Bodies with a volume come first. `vertices` (vertex, 3) [m] and `faces` (facet, 3) have no
     duplicates; z = 0 is the waterline. `where` names the mesh in messages, and `locate` turns
-    points into the file's coordinates there. `repair` closes openings of at most `MOST_OPEN` of the
+    points into the file's coordinates there. `repair` closes openings of at most `MAX_OPEN` of the
     surface, and any below the waterline. Faults are text, as "1 of 2 bodies inside out". Refuses
     (`ShipError`) a mesh that is open or has a side that is both inner and outer.
     """
@@ -208,7 +208,7 @@ def _close_openings(surface: Surface, work: Workshop) -> Surface:
     rim, ends = np.unique([corner[edges], corner[next_edges(edges)]], return_inverse=True)
     starts, stops = ends.reshape(2, -1)
     number = int(components(starts, stops, len(rim)).max()) + 1
-    if number > MOST_OPENINGS:
+    if number > MAX_OPENINGS:
         many = f"{len(edges):,} edges in {number:,} openings"
         raise ShipError(f"{work.where} is open along {many}, but must be a closed surface.")
     holes = openings(surface)
@@ -239,12 +239,12 @@ def _describe_openings(
         f"{count_text(len(loops), 'opening')} (above water {100 * share:.2g} % of its surface; the "
         f"largest is {areas[largest]:,.2f} m2, at {work.place(surface.vertices[loops[largest]])})"
     )
-    if work.repair and share <= MOST_OPEN:
+    if work.repair and share <= MAX_OPEN:
         return measures
     advice = (
         "repair: true would close it"
-        if share <= MOST_OPEN
-        else f"repair: true closes at most {100 * MOST_OPEN:g} %; add the missing facets"
+        if share <= MAX_OPEN
+        else f"repair: true closes at most {100 * MAX_OPEN:g} %; add the missing facets"
     )
     edges = count_text(sum(map(len, loops)), "edge")
     raise ShipError(

@@ -69,7 +69,7 @@ class Ship:
 
 def _primitive(part: Part, sink: float) -> Manifold:
     sizes = dict(part.sizes)
-    if part.has_base:
+    if part.primitive.stands:
         sizes.setdefault("sink", sink)
     return MAKERS[part.prim](**sizes)
 
@@ -134,7 +134,7 @@ def piece(sheet: Sheet, component: Component) -> Piece:
     copies = copies_of(sheet, component)
     if component.mirror:
         copies += [copy.mirror((0, 1, 0)) for copy in copies]
-    return Piece(component.name, union(copies), component.cuts)
+    return Piece(component.name, union(copies), component.primitive.cuts)
 
 
 def build(sheet: Sheet) -> Ship:

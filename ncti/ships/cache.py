@@ -8,14 +8,8 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-import platformdirs
 
 from ncti.ships.build import Ship
-
-
-def default_folder() -> Path:
-    """Return the default folder of built ships."""
-    return Path(platformdirs.user_cache_dir("ncti-sweep")) / "meshes"
 
 
 def read(path: Path) -> Ship | None:

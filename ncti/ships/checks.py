@@ -105,9 +105,7 @@ def polygon(value: Any) -> NDArray[np.float64]:
     area = float(np.sum(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0]) / 2)
     corners = corners if area > 0 else corners[::-1]
     repeats = len(np.unique(corners, axis=0)) < len(corners)
-    covered = CrossSection(
-        [corners]
-    ).area()  # unlike the sum above where the outline crosses itself
+    covered = CrossSection([corners]).area()  # not the sum above where the outline crosses itself
     if repeats or abs(area) < 1e-3 or not math.isclose(covered, abs(area), rel_tol=1e-6):
         raise RefusedValueError("a polygon that encloses an area and does not cross itself")
     return corners

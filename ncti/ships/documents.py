@@ -10,7 +10,7 @@ from ncti.ships.errors import ShipError, short_repr
 
 # The packaged sheets have up to 2,300 values, nested 6 deep. Every use of an alias counts: a few
 # lines of aliases to aliases stand for more values than fit into memory.
-MOST_VALUES = 50_000
+MAX_VALUES = 50_000
 DEEPEST = 30
 LONGEST = 10_000  # characters of one value
 
@@ -88,9 +88,9 @@ def _check_size(where: str, text: str) -> None:
             case yaml.CollectionEndEvent():
                 anchor, before = opened.pop()
                 size_of[anchor] = values - before
-        if values > MOST_VALUES:
+        if values > MAX_VALUES:
             excess = f"has {values} values or more, with those that its aliases stand for"
-            raise _excess_error(where, excess, MOST_VALUES)
+            raise _excess_error(where, excess, MAX_VALUES)
 
 
 def _excess_error(where: str, excess: str, most: int) -> ShipError:

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 from manifold3d import Manifold
-from numpy.typing import NDArray
 
 from ncti.ships.hull import Hull
 from ncti.ships.lofting import Points, loft, tube, union
@@ -30,14 +29,16 @@ def _stretch(path: Points, pitch: float) -> Points:
 
 
 def _fence(
-    nodes: Points,
+    path: Points,
     height: float,
+    pitch: float,
     *,
-    levels: NDArray[np.float64],
+    levels: tuple[float, ...],
     post: float,
     bar: float,
     sides: int,
 ) -> Manifold:
+    nodes = _stretch(path, pitch)
     up = np.array([0.0, 0.0, 1.0])
     posts = [tube([node - 0.2 * up, node + height * up], post, sides=4) for node in nodes]
     bars = [tube(nodes + level * height * up, bar, sides=sides) for level in levels]
@@ -46,16 +47,14 @@ def _fence(
 
 def rail(*, path: Points, height: float, pitch: float) -> Manifold:
     """Return life-lines: 40 mm stanchions and three 15 mm wires."""
-    nodes = _stretch(path, pitch)
-    levels = np.array([0.33, 0.66, 0.98])
-    return _fence(nodes, height, levels=levels, post=0.028, bar=0.01, sides=3)
+    levels = (0.33, 0.66, 0.98)
+    return _fence(path, height, pitch, levels=levels, post=0.028, bar=0.01, sides=3)
 
 
 def net(*, path: Points, height: float, pitch: float) -> Manifold:
     """Return a safety net raised on its frames, 10 to 20 % solid."""
-    nodes = _stretch(path, pitch)
-    levels = np.array([0.1, 0.4, 0.7, 0.98])
-    return _fence(nodes, height, levels=levels, post=0.05, bar=0.03, sides=4)
+    levels = (0.1, 0.4, 0.7, 0.98)
+    return _fence(path, height, pitch, levels=levels, post=0.05, bar=0.03, sides=4)
 
 
 def bulwark(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from platformdirs import user_cache_path
 
 from ncti.ships import cache as store
 from ncti.ships import checks, meshes, sheets
@@ -22,8 +23,8 @@ from ncti.ships.drawing import figure, measures
 from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
-    LEAST_SCALE,
-    MOST_SCALE,
+    MAX_SCALE,
+    MIN_SCALE,
     Carriage,
     Variant,
     build_variant,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 SHEET_SUFFIXES = (".yaml", ".yml")
 MESH_SUFFIXES = (".stl", ".obj", ".glb")
-MOST_MEGABYTES = dict.fromkeys(SHEET_SUFFIXES, 1) | dict.fromkeys(MESH_SUFFIXES, 256)
+MAX_MEGABYTES = dict.fromkeys(SHEET_SUFFIXES, 1) | dict.fromkeys(MESH_SUFFIXES, 256)
 LONGEST_LABEL = 100  # characters
 
 
@@ -204,7 +205,7 @@ def ship_mesh(
         "beam": ship.beam,
         "variant_of": source.variant.base if source.variant else None,
         "findings": diagnosis.findings,
-        "mend": _correct_transform(transform, diagnosis),
+        "mend": diagnosis.mend,
         "faults": faults,
     }
     return ShipMesh(ship.vertices, ship.faces, attributes)
@@ -284,7 +285,7 @@ def variants(
                 f"{key} {short_repr(value)} must be a whole number of at least {least}."
             )
     try:
-        scale = checks.number(scale, low=LEAST_SCALE, high=MOST_SCALE)
+        scale = checks.number(scale, low=MIN_SCALE, high=MAX_SCALE)
     except checks.RefusedValueError as allowed:
         raise ShipError(f"scale is {short_repr(scale)}, but must be {allowed}.") from None
     labels = [str(Variant(name, int(seed), number, scale)) for number in range(1, int(count) + 1)]
@@ -417,14 +418,9 @@ def describe(
         ship.vertices,
         ship.faces,
         diagnosis.findings,
-        _correct_transform(transform, diagnosis),
+        diagnosis.mend,
         faults,
     )
-
-
-def _correct_transform(transform: Transform, diagnosis: Diagnosis) -> Transform | None:
-    """Return the transform of a file that also corrects the diagnosed faults, if there are any."""
-    return None if diagnosis.mend is None else transform.compose(diagnosis.mend)
 
 
 def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bool:
@@ -437,8 +433,8 @@ def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bo
 
 
 def _path_in_cache(source: _Source, cache: str | Path | None) -> Path:
-    folder = store.default_folder() if cache is None else Path(cache)
-    return folder / f"{source.digest}.npz"
+    default = user_cache_path("ncti-sweep") / "meshes"
+    return (default if cache is None else Path(cache)) / f"{source.digest}.npz"
 
 
 def _ship_solid(
@@ -469,7 +465,11 @@ def _build_ship(source: _Source) -> Ship:
 
 
 def _parse_sheet(source: _Source) -> sheets.Sheet:
-    return sheets.parse(_sheet_text(source), _templates().decode(), where=source.name)
+    try:
+        text = source.content.decode()
+    except UnicodeDecodeError:
+        raise ShipError(f"{source.name}: the sheet must be UTF-8 text.") from None
+    return sheets.parse(text, _templates().decode(), where=source.name)
 
 
 @lru_cache(maxsize=8)
@@ -505,7 +505,7 @@ def _find_source(name_or_path: str | Path) -> _Source:
         )
     _check_label(path)
     try:
-        return _Source(path.stem, suffix, _read_content(path, MOST_MEGABYTES[suffix]))
+        return _Source(path.stem, suffix, _read_content(path, MAX_MEGABYTES[suffix]))
     except ShipError:
         raise
     except (OSError, ValueError) as error:
@@ -542,13 +542,6 @@ def _read_content(path: Path, megabytes: int) -> bytes:
 def _open_without_waiting(path: str, flags: int) -> int:
     # A pipe may have replaced the file since the check.
     return os.open(path, flags | os.O_NONBLOCK)
-
-
-def _sheet_text(source: _Source) -> str:
-    try:
-        return source.content.decode()
-    except UnicodeDecodeError:
-        raise ShipError(f"{source.name}: the sheet must be UTF-8 text.") from None
 
 
 @memoised

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
 
@@ -32,8 +32,8 @@ class PlacedMesh:
     """A mesh in the ship frame, and signs that it is not.
 
     `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
-    from outside; `diagnosis` includes the parts below the waterline; `faults` of the file are
-    mended.
+    from outside; `diagnosis` includes the parts below the waterline, and mends the file's
+    transform; `faults` of the file are mended.
     """
 
     vertices: NDArray[np.float64]
@@ -115,10 +115,11 @@ def _clip_to_water(
     merged = reduce(Body.join, bodies)
     low, high = (float(height) for height in merged.bounds[:, 2])
     diagnosis = diagnose(merged.vertices, merged.faces)
+    if diagnosis.mend:  # of the file, instead of its transform
+        diagnosis = replace(diagnosis, mend=transform.compose(diagnosis.mend))
     if high <= 0:
-        mend = diagnosis.mend and transform.compose(diagnosis.mend)
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
-        advice = f" ({{{mend}}} would correct that)" if mend else ""
+        advice = f" ({{{diagnosis.mend}}} would correct that)" if diagnosis.mend else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
     solid_bodies = [body for body in bodies if body.volume]
     if not solid_bodies:
@@ -173,17 +174,14 @@ def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
     Names and comments in other encodings than UTF-8 are read as Latin-1, in which any bytes are
     text; the geometry itself is ASCII in both.
     """
-    if kind == "glb" or (kind == "stl" and _is_binary_stl(data)):
+    # A binary STL has a header of 80 bytes, a count and facets of 50 bytes.
+    is_binary_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+    if kind == "glb" or (kind == "stl" and is_binary_stl):
         return io.BytesIO(data)
     try:
         return io.StringIO(data.decode("utf-8-sig"))
     except UnicodeDecodeError:
         return io.StringIO(data.decode("latin-1"))
-
-
-def _is_binary_stl(data: bytes) -> bool:
-    """Return whether the length fits a header of 80 bytes, a count and facets of 50 bytes."""
-    return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _merge_vertices(mesh: Any) -> trimesh.Trimesh:

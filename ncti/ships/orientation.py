@@ -224,8 +224,7 @@ def _sum_beyond(places: Floats, weights: Floats, cuts: Floats) -> Floats:
     """Return for each of the ascending cuts the sum of weights at places beyond it."""
     number = np.searchsorted(cuts, places, side="left")
     inside = np.bincount(number, weights, len(cuts) + 1).astype(np.float64)
-    beyond: Floats = np.cumsum(inside[::-1])[::-1][1:]
-    return beyond
+    return np.cumsum(inside[::-1])[::-1][1:]
 
 
 def _section_length(

@@ -23,8 +23,8 @@ from ncti.ships.sheets import Component, Sheet
 Floats = NDArray[np.float64]
 
 TRIES = 100  # of draws for a variant, until one builds
-LEAST_SCALE, MOST_SCALE = 0.001, 4.0  # beyond, warps would fold
-LEAST_SIZE, MOST_SIZE = 0.5, 2.0
+MIN_SCALE, MAX_SCALE = 0.001, 4.0  # beyond, warps would fold
+MIN_SIZE, MAX_SIZE = 0.5, 2.0
 LIMIT = 2.0  # sigmas that no place or size goes beyond
 ACROSS, UPWARD = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
 MODES = 6  # half waves along the ship of the displacement common to its parts
@@ -85,8 +85,8 @@ class Variant:
         if variant is None or str(variant) != name or variant.number < 1:
             raise variant_error(name)
         for key, factor, low, high in (
-            ("scale", variant.scale, LEAST_SCALE, MOST_SCALE),
-            ("size", variant.size, LEAST_SIZE, MOST_SIZE),
+            ("scale", variant.scale, MIN_SCALE, MAX_SCALE),
+            ("size", variant.size, MIN_SIZE, MAX_SIZE),
         ):
             if not low <= factor <= high:
                 raise ShipError(
@@ -166,7 +166,7 @@ def carriage(sheet: Sheet) -> Carriage:
         best = max(waiting, key=lambda number: (contact[number].sum(), -number))
         waiting.remove(best)
         order.append(best)
-        if sheet.components[best].cuts:
+        if sheet.components[best].primitive.cuts:
             continue
         for number in waiting:
             volumes = shared_volume(number, best)
@@ -193,10 +193,8 @@ class _Wave:
 
     def __call__(self, x: Any) -> Floats:
         share = np.clip(np.asarray(x, dtype=np.float64) / self.length, 0, 1)
-        return (
-            np.sin(np.pi * share[..., None] * np.arange(1, len(self.amplitudes) + 1))
-            @ self.amplitudes
-        )
+        half_waves = np.arange(1, len(self.amplitudes) + 1)
+        return np.sin(np.pi * share[..., None] * half_waves) @ self.amplitudes
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,9 +286,9 @@ def _warp_component(component: Component, warp: _Warp, column: float) -> Compone
     """
     (x, y, z), sizes = component.at, dict(component.sizes)
     position = (
-        float(warp.x(x)) if "x" in component.place else x,
-        float(warp.y(column, y)) if "y" in component.place else y,
-        float(warp.z(column, z)) if "z" in component.place else z,
+        float(warp.x(x)) if "x" in component.primitive.place else x,
+        float(warp.y(column, y)) if "y" in component.primitive.place else y,
+        float(warp.z(column, z)) if "z" in component.primitive.place else z,
     )
     if component.prim in STRETCHED:
         along, across, up = _stretch(component, warp, column)
@@ -318,7 +316,7 @@ def _warp_component(component: Component, warp: _Warp, column: float) -> Compone
 def _move_component(component: Component, shift: Floats) -> Component:
     """Return a component moved by (x, y, z) [m]."""
     sizes = dict(component.sizes)
-    movable = [axis in component.place for axis in "xyz"]
+    movable = [axis in component.primitive.place for axis in "xyz"]
     if "outline" in sizes:
         sizes["outline"] = sizes["outline"] + shift[:2]
     if "path" in sizes:
@@ -392,7 +390,7 @@ def perturb_sheet(
         shift = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
         if _is_amidships(component):
             base, shift = base * [1, 0], shift * [1, 0]
-        if component.cuts or "edge" in component.sizes:
+        if component.primitive.cuts or "edge" in component.sizes:
             shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
         if shift.any():
             unmoved = copies_of(fresh, place(number, base))

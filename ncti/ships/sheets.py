@@ -42,19 +42,9 @@ class Part:
     sizes: Mapping[str, Any]
 
     @property
-    def place(self) -> str:
-        """Names of the coordinates, among x, y and z, that position it."""
-        return PRIMITIVES[self.prim].place
-
-    @property
-    def cuts(self) -> bool:
-        """True if it takes material away."""
-        return PRIMITIVES[self.prim].cuts
-
-    @property
-    def has_base(self) -> bool:
-        """True if it has a base that is sunk into the part below it."""
-        return PRIMITIVES[self.prim].stands
+    def primitive(self) -> Primitive:
+        """Its primitive: the coordinates that place it, whether it stands, and whether it cuts."""
+        return PRIMITIVES[self.prim]
 
 
 @dataclass(frozen=True, eq=False)

@@ -119,9 +119,8 @@ def _pairs_around_solid(
     patch = patches[edges // 3].astype(np.int64)
     line_patch = np.unique(line * len(faces) + patch, return_inverse=True)[1]
     balanced = np.bincount(line_patch, np.where(closes, 1, -1))[line_patch] == 0
-    line = np.unique(np.stack([line, np.where(balanced, patch, -1)]), axis=1, return_inverse=True)[
-        1
-    ]
+    keys = np.stack([line, np.where(balanced, patch, -1)])
+    line = np.unique(keys, axis=1, return_inverse=True)[1]
     low = vertices[np.minimum(start, end)]
     axis = vertices[np.maximum(start, end)] - low
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
@@ -133,9 +132,8 @@ def _pairs_around_solid(
     angle = np.arctan2(np.einsum("ij,ij->i", out, side), np.einsum("ij,ij->i", out, reference))
     angle = np.where(angle < -ALIKE, angle + 2 * np.pi, angle)
     by_angle = np.lexsort((angle, line))
-    is_first = (np.diff(angle[by_angle], prepend=0) > ALIKE) | (
-        np.diff(line[by_angle], prepend=0) > 0
-    )
+    is_first = np.diff(angle[by_angle], prepend=0) > ALIKE
+    is_first |= np.diff(line[by_angle], prepend=0) > 0
     group = np.empty(len(edges), np.int64)
     group[by_angle] = np.cumsum(is_first)
     remaining = np.lexsort((np.where(closes, -edges, edges), ~closes, group))
@@ -172,15 +170,13 @@ def components(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> 
     from scipy.sparse.csgraph import connected_components
 
     links = coo_array((np.ones(len(start), bool), (start, end)), shape=(count, count))
-    labels: NDArray[np.int32] = connected_components(links, directed=False)[1]
-    return labels
+    return connected_components(links, directed=False)[1]
 
 
 def triangle_areas(corners: Floats) -> Floats:
     """Return areas of triangles, (..., 3, 3)."""
     edges = corners[:, 1:] - corners[:, :1]
-    areas: Floats = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-    return areas
+    return np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
 
 
 # openings -----------------------------------------------------------------------------------------

@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from manifold3d import Manifold, Mesh64
+
+from ncti.ships.surfaces import components
 
 if TYPE_CHECKING:
     import trimesh
@@ -65,11 +68,6 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
     )
     if max(map(abs, balance)) > BALANCED:
         return False
-    # Imported where they are used: together they take a quarter of a second.
-    from manifold3d import Manifold, Mesh64
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     # Copies, as manifold3d takes no read-only arrays.
     solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
     if solid.num_tri() != len(mesh.faces):  # plates without thickness are no solids
@@ -77,9 +75,8 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
     difference = (solid - solid.mirror((0.0, 1.0, 0.0))).to_mesh64()
     faces = np.asarray(difference.tri_verts, dtype=np.intp)
     vertices = np.asarray(difference.vert_properties)[:, :3]
-    links = np.concatenate([faces[:, :2], faces[:, 1:]])
-    joined = coo_array((np.ones(len(links)), links.T), shape=(len(vertices), len(vertices)))
-    part = connected_components(joined, directed=False)[1][faces[:, 0]]
+    first, second = np.concatenate([faces[:, :2], faces[:, 1:]]).T
+    part = components(first, second, len(vertices))[faces[:, 0]]
     # Corners from the first one of all: volumes of small parts far from the origin would cancel.
     a, b, c = (vertices - vertices[:1])[faces].transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)

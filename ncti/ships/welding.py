@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
 APART = 1e-5  # of the longest extent, up to which vertices along open edges are merged
-MOST_PAIRS = 20_000_000  # of vertices, or of an edge and a vertex, that are compared
+MAX_PAIRS = 20_000_000  # of vertices, or of an edge and a vertex, that are compared
 SAMPLED = 200  # points from which the number of pairs is estimated
-MOST_PASSES = 10  # over open edges with vertices of other facets on them
+MAX_PASSES = 10  # over open edges with vertices of other facets on them
 
 
 def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
@@ -42,7 +42,7 @@ def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
         )
         surface = surface_of(vertices, faces)
     total = 0
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         surface, count = _ended_at_vertices(surface, distance)
         total += count
         if not count:
@@ -74,9 +74,8 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     place = np.einsum("ij,ij->i", vertices[vertex] - start[row], along[row]) / length[row]
     offset = vertices[vertex] - start[row] - (place / length[row])[:, None] * along[row]
     inside = (place > distance) & (length[row] - place > distance)
-    inside &= (np.linalg.norm(offset, axis=1) <= distance) & (
-        vertex != corner[previous_edges(edges[row])]
-    )
+    inside &= np.linalg.norm(offset, axis=1) <= distance
+    inside &= vertex != corner[previous_edges(edges[row])]
     row, vertex, place = row[inside], vertex[inside], place[inside]
     if not len(row):
         return surface, 0
@@ -100,7 +99,7 @@ def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
     """Return whether the neighbours of points can be compared; a soup of facets has too many."""
     sample = slice(None, None, len(points) // SAMPLED + 1)
     counts = tree.query_ball_point(points[sample], radius[sample], return_length=True)
-    return float(counts.mean()) * len(points) <= MOST_PAIRS
+    return float(counts.mean()) * len(points) <= MAX_PAIRS
 
 
 def count_text(number: int, singular: str, plural: str = "") -> str:

@@ -15,7 +15,7 @@ from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
-from ncti.ladar.extent import RangeExtent, bins_of
+from ncti.ladar.extent import bins_of
 from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
 from ncti.ladar.pulse import noise_floor, shortest_pulse
@@ -49,7 +49,7 @@ Floats = NDArray[np.float64]
 LONGEST = 1e-6
 """Longest pulse [s], as in sweeps."""
 
-MOST_PLACES = 2**28
+MAX_PLACES = 2**28
 """Most range bins of all IFOVs of the box around a ship; a view then takes up to 2 GB."""
 
 
@@ -168,19 +168,16 @@ def range_profile(
         sight: dict[str, Any] = {"depression": depression, "slant_range": slant_range}
         views = [View.checked(aspect=a, roll=roll_at(a), **sight) for a in aspects]
         _check_fits(mesh, views, beam, pulse_width)
-        options: dict[str, Any] = {
-            "tolerance": accuracy,
-            "pulse_width": pulse_width,
-            "spacing": SPACING,
-        }
-        extents = [extent_within(mesh, view, beam=beam, **options) for view in views]
-    averaged, expected = zip(
-        *(
-            _average_above_floor(extent, frames, generator(rng, aspect=bearing), signal)
-            for extent, bearing in zip(extents, aspects, strict=True)
-        ),
-        strict=True,
-    )
+        fine = {"tolerance": accuracy, "pulse_width": pulse_width, "spacing": SPACING}
+        extents = [extent_within(mesh, view, beam=beam, **fine) for view in views]
+    averaged, expected = [], []
+    for extent, bearing in zip(extents, aspects, strict=True):
+        stream = generator(rng, aspect=bearing)
+        [average] = averaged_frames(extent, [frames], rng=stream, **vars(signal))
+        floor = (len(extent.fraction) + target_free_ifovs) * noise_floor()
+        averaged.append(average - floor)
+        expected.append(expected_profile(extent, **vars(signal)) - floor)
+    error = max(extent.error_after(pulse_width) for extent in extents)
     attributes = {
         **attributes_of(
             rng, slant_range=slant_range, depression=depression, frames=frames, ifov=ifov
@@ -188,32 +185,13 @@ def range_profile(
         "pulse_width_ns": round(pulse_width * 1e9, 9),
         "cnr_db": 10 * math.log10(ratio),
         "target_free_ifovs": int(target_free_ifovs),
-        **_accuracy_attributes(extents, pulse_width, accuracy),
-    }
-    single = {"range": slant_range, "frame_count": frames, "pulse_width": pulse_width}
-    coords = coordinates(mesh, aspect=aspect, **single)
-    return _labelled_profiles((extents[0].down_range, averaged, expected), coords, attributes)
-
-
-def _average_above_floor(
-    extent: RangeExtent, frames: int, rng: np.random.Generator, signal: Signal
-) -> tuple[Floats, Floats]:
-    """Return an average of frames and its expectation, both above the noise floor."""
-    [average] = averaged_frames(extent, [frames], rng=rng, **vars(signal))
-    floor = (len(extent.fraction) + signal.target_free_ifovs) * noise_floor()
-    return average - floor, expected_profile(extent, **vars(signal)) - floor
-
-
-def _accuracy_attributes(
-    extents: list[RangeExtent], pulse_width: float, accuracy: float
-) -> dict[str, Any]:
-    """Return attributes with the accuracy of the extents."""
-    error = max(extent.error_after(pulse_width) for extent in extents)
-    return {
         "accuracy": float(accuracy),
         "error_bound": error,
         "accuracy_reached": "yes" if error <= accuracy else "no",
     }
+    single = {"range": slant_range, "frame_count": frames, "pulse_width": pulse_width}
+    coords = coordinates(mesh, aspect=aspect, **single)
+    return _labelled_profiles((extents[0].down_range, averaged, expected), coords, attributes)
 
 
 def _labelled_profiles(
@@ -240,8 +218,7 @@ def _checked_aspects(aspect: ArrayLike) -> list[float]:
     require_all("aspect", aspect, minimum=-360.0, maximum=360.0)
     if np.ndim(aspect) > 1 or np.size(aspect) == 0:
         raise ValueError(f"aspect has shape {np.shape(aspect)}, but must be one number or a list")
-    aspects: list[float] = np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist()
-    return aspects
+    return np.atleast_1d(np.asarray(aspect, dtype=np.float64)).tolist()
 
 
 def _check_binning(beam: Beam, pulse_width: float) -> None:
@@ -266,8 +243,8 @@ def _check_memory(mesh: Mesh, view: View, ifov: float, bins: int) -> None:
     across, up, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
     nearest = float(view.slant_range or 0.0) - depth / 2
     places = bins * across * up / (ifov * nearest) ** 2
-    if nearest > 0 and places > MOST_PLACES:  # ships that reach the sensor are refused elsewhere
-        least = ifov * math.sqrt(places / MOST_PLACES)
+    if nearest > 0 and places > MAX_PLACES:  # ships that reach the sensor are refused elsewhere
+        least = ifov * math.sqrt(places / MAX_PLACES)
         raise ValueError(
             f"ifov is {ifov!r} rad, but must be at least {least:.2g} rad for {bins} range bins of "
             f"a ship of {across:.0f} m by {up:.0f} m at {view.slant_range:g} m"

@@ -14,12 +14,10 @@ from ncti.labels import labelled_array
 from ncti.render.view import ROLL
 from ncti.ships import digest
 from ncti.ships.loading import ship_mesh
-from ncti.ships.shape import ShipMesh
+from ncti.ships.shape import Mesh, ShipMesh
 
 if TYPE_CHECKING:
     import trimesh
-
-    from ncti.ships.shape import Mesh
 
 Ship = Any
 """A name of `ncti.ships.names()`, the path of a sheet or mesh, or a mesh in the ship frame."""

@@ -21,7 +21,7 @@ from ncti.features.map_vector import map_cells as cells
 from ncti.features.segmentation import METHODS as SEGMENTATION_METHODS
 from ncti.features.segmentation import largest_region
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
-from ncti.infrared.detector_view import MOST_OFFSETS
+from ncti.infrared.detector_view import MAX_OFFSETS
 from ncti.infrared.loops import IMAGES
 from ncti.labels import data_set
 from ncti.ladar import spread_place
@@ -179,7 +179,7 @@ class Infrared(Settings, key="infrared"):
     )
     subpixel_offsets = draws(
         4,
-        MOST_OFFSETS,
+        MAX_OFFSETS,
         label="position of the ship on the detector's pixels, by number",
         dimension="phase",
         single="dimension",

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from ncti.irar.clusters import histogram_cluster_average
+from ncti.irar.looks import histogram_cluster_average
 
 # Quarters tie often, and their differences are exact.
 quarters = st.integers(-40, 40).map(lambda n: n / 4)

@@ -107,9 +107,9 @@ def test_an_unknown_engine_is_a_wrong_value():
 @needs("egl")
 def test_a_driver_that_cannot_start_is_an_engine_error(run):
     message = run("""
-        import ncti.render.gl as gl
+        import ncti.render.opengl as opengl
         def fail(platform): raise AssertionError("no display")
-        gl._open_canvas = fail
+        opengl._open_canvas = fail
         try:
             range_image(ship, engine="egl", **view)
         except EngineError as error:

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from ncti import ships
 from ncti.render import available_engines, pixels
 from ncti.render.choice import start_engine
-from ncti.render.incidence import STEEP, STEEPEST
-from ncti.render.solid import Solid, covered_columns, sampled_facets, surface
+from ncti.render.solid import STEEP, STEEPEST, Solid, covered_columns, sampled_facets, surface
 from ncti.render.view import Lattice, View, clip_matrix
 
 VIEWS = [(0.0, 3.84, None, 0.25), (33.3, 11.0, 4e3, 0.6), (90.0, 0.0, None, 0.25)]

@@ -14,7 +14,7 @@ from shipyard import sentence, solid_of
 
 from ncti import ships
 from ncti.ships import meshes
-from ncti.ships.bodies import APART, MOST_OPEN
+from ncti.ships.bodies import APART, MAX_OPEN
 
 LOOSE = 0.4 * APART  # corners of a vertex are at most twice as far from each other
 
@@ -251,7 +251,7 @@ def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
     try:
         mended, faults = read(cut, repair=True)
     except ships.ShipError as error:
-        assert share > MOST_OPEN and "closes at most 5 %" in str(error)
+        assert share > MAX_OPEN and "closes at most 5 %" in str(error)
         return
     assert "opening" in faults
     # The plane is at least 1 - share of the cap, and cuts off at most that share of the diameter.

@@ -96,7 +96,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
 
     wide = [(n * 8, n * 8) for n in more]
     truths = [np.pad(values, wide) for values in (truth.intensity, truth.infrared)]
-    row, column, _ = places(scan, irar.Correction(), estimate=estimate)
+    row, column, _ = places(scan, irar.Correction(), estimate)
     spots = row - window.bottom, column - window.left
     pair = unsegmented.intensity, unsegmented.infrared
     tilts = {
@@ -107,7 +107,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     clean = irar.correct(
         passed.noiseless(), irar.Correction(), estimate=estimate, window=window
     ).infrared
-    row, column, _ = places(passed.noiseless(), irar.Correction(), estimate=estimate)
+    row, column, _ = places(passed.noiseless(), irar.Correction(), estimate)
     spots = row - window.bottom, column - window.left
     tilts["noiseless_"] = irar.tilts(clean, truths[1], places=spots)
     for channel, tilt in tilts.items():
