@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
 FEW_SHIPS = 4  # that this process builds while workers import
+LINE_INTERVAL = 10.0  # s between lines
 
 LOG = logging.getLogger(__name__)
 
@@ -106,7 +108,20 @@ def _build_many(ships: Sequence[str]) -> None:
     missing = [ship for ship in ships if not is_built(ship, cache=folder)]
     if len(missing) > FEW_SHIPS:
         LOG.warning("building %d ships (once)", len(missing))
-        build_ahead(missing, cache=folder)
+        build_ahead(missing, cache=folder, progress=_progress_of(len(missing)))
+
+
+def _progress_of(count: int) -> Callable[[int], None]:
+    """Return a function that says every few seconds how many ships are built."""
+    latest = time.monotonic()
+
+    def say(built: int) -> None:
+        nonlocal latest
+        if time.monotonic() - latest >= LINE_INTERVAL:
+            latest = time.monotonic()
+            LOG.warning("%d of %d ships are built", built, count)
+
+    return say
 
 
 def cache_folder() -> Path:

@@ -1,5 +1,7 @@
 """Ships by name and path, the inputs of an image, and the ranges that a scene allows."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -44,16 +46,21 @@ def test_a_ship_that_changed_is_refused(box):
 def test_many_ships_are_built_before_they_are_checked(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     monkeypatch.setattr(meshes, "FEW_SHIPS", 2)
+    monkeypatch.setattr(meshes, "LINE_INTERVAL", 0.0)
     names = ["duncan@0.11", "duncan@0.12", "duncan@0.13"]
     views.check(read_choices(EXPERIMENT.declared, {"grid.ship": names[:2]}))
     assert caplog.messages == []
     (tmp_path / "meshes").rename(tmp_path / "two")
     meshes.description.cache_clear()
     views.check(read_choices(EXPERIMENT.declared, {"grid.ship": names}))
-    assert caplog.messages == ["building 3 ships (once)"]
+    first, *progress = caplog.messages
+    assert first == "building 3 ships (once)"
+    assert progress
+    assert all(re.fullmatch("[1-3] of 3 ships are built", line) for line in progress)
     assert len([*(tmp_path / "meshes").iterdir()]) == 3
+    caplog.clear()
     views.check(read_choices(EXPERIMENT.declared, {"grid.ship": names}))
-    assert len(caplog.messages) == 1
+    assert caplog.messages == []
 
 
 def image_of(aspect, samples=20_000):
