@@ -1,4 +1,4 @@
-"""Categories of the Adaptive Clustering Network, from cosines that vigilances and orders share."""
+"""Categories of the Adaptive Clustering Network, from cosines shared by vigilances and orders."""
 
 from __future__ import annotations
 
@@ -94,12 +94,12 @@ class Similarities:
         return replace(self, test=self.products(directions), answers=sizes > 0)
 
     @property
-    def are_few(self) -> bool:
+    def has_few_samples(self) -> bool:
         """Whether the training vectors are one block."""
         return len(self.lengths) <= BLOCK
 
     @property
-    def few_features(self) -> bool:
+    def has_few_features(self) -> bool:
         """Whether features are fewer than training vectors."""
         return self.directions.shape[1] < len(self.directions)
 
@@ -109,14 +109,14 @@ class Similarities:
 
         They are the features, or the training directions themselves if these are no more.
         """
-        return self.directions if self.few_features else np.eye(len(self.directions))
+        return self.directions if self.has_few_features else np.eye(len(self.directions))
 
     def products(self, directions: Floats) -> Floats:
         """Return factors that turn a category's coordinates into cosines to (..., feature) ones."""
-        return directions if self.few_features else directions @ self.directions.T
+        return directions if self.has_few_features else directions @ self.directions.T
 
     @cached_property
-    def between_few(self) -> Floats:
+    def sample_cosines(self) -> Floats:
         """The (sample, sample) cosines, where samples are at most `BLOCK`."""
         return self.directions @ self.directions.T
 
@@ -186,7 +186,7 @@ class Clustering:
     def traces(self, similarities: Similarities) -> Floats:
         """Return the (category, feature) categories W formed from these similarities."""
         directions = similarities.directions
-        weights = self.weights if similarities.few_features else self.weights @ directions
+        weights = self.weights if similarities.has_few_features else self.weights @ directions
         return weights * self.lengths[:, None]
 
     def match(self, similarities: Similarities) -> tuple[Indices, Floats]:
@@ -268,7 +268,7 @@ def cluster(
     require("max_passes", max_passes, minimum=1, whole=True)
     count = len(similarities.lengths)
     turn = _presentation_order(similarities, order)
-    few = similarities.are_few
+    few = similarities.has_few_samples
     blocks = [np.arange(count)] if few else np.split(turn, range(BLOCK, len(turn), BLOCK))
     width = min(count, BLOCK)
     singles = _single_sample_rows(similarities, blocks, width)
@@ -371,7 +371,11 @@ def _single_sample_rows(
     singles = []
     for block in blocks:
         directions = similarities.directions[block]
-        between = similarities.between_few if similarities.are_few else directions @ directions.T
+        between = (
+            similarities.sample_cosines
+            if similarities.has_few_samples
+            else directions @ directions.T
+        )
         padding = np.zeros((len(block), width - len(block)))
         singles.append(np.hstack([between, padding, coordinates[block]]))
     return singles

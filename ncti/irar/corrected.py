@@ -47,7 +47,7 @@ HANGARS = {"connole": (-40.0, -20.0)}
 returns more."""
 
 PERRY = ("duncan", "roberts")
-"""Ships with masts and a bridge at the places of the landmarks; others have none."""
+"""Ships whose masts and bridge lie where the landmarks are looked for."""
 
 ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
 """Share of the highest peak at which a ship begins. A bare deck, the only return if the transom is
@@ -176,7 +176,7 @@ def measure_tilts(
     *,
     shown: bool,
 ) -> Arrays:
-    """Return the tilts of corrected images [deg], of both sensors, of each, and without noise.
+    """Return the tilts of corrected images [deg]: both sensors together, each alone, no noise.
 
     They are `mast_tilt` and `waterline_tilt`, each with `_error`, and with the prefixes
     `intensity_`, `infrared_` and `noiseless_`. `whole` are corrected images without a threshold,

@@ -311,8 +311,7 @@ class Flight:
     def directions(self, along: Floats, across: Floats) -> Floats:
         """Return directions of the beam, (..., 3) in the ship's axes.
 
-        Of scan angles to the right and of angles above the scan plane, (...) each, in the scanner
-        [rad].
+        `along` are scan angles to the right, `across` angles above the scan plane, (...) [rad].
         """
         scanner = [np.cos(across) * np.sin(along), np.sin(across), np.cos(across) * np.cos(along)]
         return np.stack(np.broadcast_arrays(*scanner), axis=-1) @ self.scanner_axes

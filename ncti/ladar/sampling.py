@@ -23,7 +23,7 @@ PIXELS = 0.6
 """Factor of `pixel_error`."""
 
 SLOPE = 1.6
-"""Power of the spacing with which the error falls."""
+"""Exponent of the error as a power of the spacing."""
 
 
 def sampling_error(

@@ -76,7 +76,7 @@ def span(value: Any) -> tuple[float, float]:
     """Return two numbers, the greater last."""
     first, last = pair(value)
     if first >= last:
-        raise RefusedValueError("a list of two growing numbers")
+        raise RefusedValueError("a list of two increasing numbers")
     return first, last
 
 

@@ -341,7 +341,7 @@ def acn(template_set: Vectors) -> Model:
 
 @fit
 def mnn(template_set: Vectors, rng: np.random.Generator) -> Model:
-    """Return the article's multilayered network of expected profiles, with an output a ship."""
+    """Return the article's multilayered network of expected profiles, with an output per ship."""
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
     return GainAnnealedNetwork(random_state=_number(rng)).fit(*template_set[:2])
@@ -357,7 +357,7 @@ def random_forest(training_set: Vectors, rng: np.random.Generator) -> Model:
 
 @fit
 def gradient_boosting(training_set: Vectors, rng: np.random.Generator) -> Model:
-    """Return gradient boosting of 100 trees a ship."""
+    """Return gradient boosting of 100 trees per ship."""
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     return HistGradientBoostingClassifier(random_state=_number(rng)).fit(*training_set[:2])
@@ -365,7 +365,7 @@ def gradient_boosting(training_set: Vectors, rng: np.random.Generator) -> Model:
 
 @fit
 def pca_qda(training_set: Vectors, rng: np.random.Generator) -> Model:
-    """Return quadratic discriminants of at most 20 principal components, fewer than rows a ship."""
+    """Return quadratic discriminants of at most 20 principal components, below rows per ship."""
     from sklearn.decomposition import PCA
     from sklearn.discriminant_analysis import QuadraticDiscriminantAnalysis
     from sklearn.pipeline import make_pipeline
@@ -383,7 +383,7 @@ def mlp(training_set: Vectors, rng: np.random.Generator) -> Model:
 
     model = MLPClassifier((64,), alpha=1e-2, max_iter=100, random_state=_number(rng))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that it might learn on
+        warnings.simplefilter("ignore")  # of training that has not converged
         return model.fit(*training_set[:2])
 
 

@@ -1,8 +1,8 @@
 """The Adaptive Clustering Network, trained without noise and tested on averages of frames.
 
 Tests are averaged range profiles or silhouettes; training presents them in one order or several.
-The map of an empty silhouette is zero everywhere, matches no category and so names no ship, which
-counts as wrong.
+The map of an empty silhouette is zero everywhere and matches no category, so that its answer counts
+as wrong.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class TrainingSet:
         flat = seen.reshape(1, -1, *seen.shape[2:])
         views = np.flatnonzero(valid & training_views)
         vectors = to_vectors(flat[:, views]).astype(np.float64)
-        if not vectors.any():  # training refuses these by name, so take all views
+        if not vectors.any():  # only if no view has a direction does `Similarities.of` refuse
             views = np.arange(valid.size)
             vectors = to_vectors(flat[:, views]).astype(np.float64)
         return cls(Similarities.of(vectors), views, valid, to_vectors)

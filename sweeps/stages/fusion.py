@@ -109,7 +109,7 @@ def silhouette_constants(
     Output("profile_outlier_fraction", ("template",), "f8"),
     uses=(Grid, Likelihood),
     along=(Grid.frame_count,),
-    # Named as when the published figures were drawn, which a new name would draw anew.
+    # The name of the stream with which the published figures were drawn.
     stream=Stream((Grid.pulse_width, Grid.range, Ladar.target_free_ifovs), "profile_doubt"),
 )
 def profile_outlier_fraction(

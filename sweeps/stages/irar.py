@@ -179,7 +179,7 @@ class Receivers(Settings, key="irar", single="coordinate"):
 
 
 class Passive(Settings, key="irar", single="coordinate"):
-    """The passive image of a flight; it does not name the noise."""
+    """The passive image of a flight; its settings do not key the noise."""
 
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
     band_stop = _axis(12, 0.1, 1000, "um", "longest wavelength of the passive detectors")

@@ -36,7 +36,7 @@ SENSOR = RANGE
 IMPORTS = ("ncti.ladar.pixels", "ncti.ladar.waveforms", "ncti.normals")
 PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
-MOST_DRAWN = 10_000  # target-free IFOVs a frame where no short cut stands in for them
+MAX_DRAWN = 10_000  # target-free IFOVs per frame of receivers for which each one is drawn
 FULL = "full_profile"
 ANYWHERE, CORNER = "random", "corner"  # places of the ship on the grid of IFOVs
 
@@ -94,7 +94,7 @@ def stores_moments(choices: Choices) -> bool:
     """Return whether covariances of range profiles are stored."""
     sensors = set(choices.value(Sweep.sensor))
     names = choices.values.get("classifier.name", ())
-    return any(WITH_MOMENTS.get(name, {""}) <= sensors for name in names)
+    return any(name in WITH_MOMENTS and WITH_MOMENTS[name] <= sensors for name in names)
 
 
 def has_tolerance(choices: Choices) -> bool:
@@ -195,7 +195,7 @@ def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 
-# At the corner these cells are those of expected profiles.
+# With ladar.place=corner these cells are those of `extent`, which is reused.
 seen_extent = replace(extent, name="seen_extent", reads={**extent.reads, "shift": "seen_shift"})
 seen_ifovs = replace(ifovs, name="seen_ifovs", reads={"extent": "seen_extent"})
 
@@ -311,8 +311,8 @@ def check(choices: Choices) -> Choices:
         refuse(Ladar.window, window, f"at least 10 bins of ladar.bin_width {bin_width:g} m")
     most = max(choices[Ladar.target_free_ifovs])
     for receiver in choices[Ladar.receiver]:
-        if receiver != FULL and most > MOST_DRAWN:
-            allowed = f"at most {MOST_DRAWN} with the {receiver} receiver, which draws each of them"
+        if receiver != FULL and most > MAX_DRAWN:
+            allowed = f"at most {MAX_DRAWN} with the {receiver} receiver, which draws each of them"
             refuse(Ladar.target_free_ifovs, most, allowed)
     if {RANGE, views.IRAR} & {*choices.value(Sweep.sensor)}:  # flights make profiles, too
         check_profiles(choices)

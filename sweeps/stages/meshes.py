@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import trimesh
 
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
-FEW_SHIPS = 4  # that this process builds while workers import
+FEW_SHIPS = 4  # at most as many are built by this process, while workers import
 LINE_INTERVAL = 10.0  # s between lines
 
 LOG = logging.getLogger(__name__)
