@@ -472,7 +472,10 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     figures = {
         "attenuation": (library.attenuation(metres, **air), "loss in the air, one way", "dB"),
         "contrast": (library.contrast(metres, **scene), "contrast of ship to sea", "K"),
-        "snr": (library.snr(metres, **parameters, **scene), "signal-to-noise ratio of a pixel"),
+        "snr": (
+            library.snr(metres, **parameters, **scene),
+            "signal-to-noise ratio of a pixel, of powers",
+        ),
     }
     return data_set(
         {
@@ -551,6 +554,9 @@ TABLES = (
         "Error of infrared images against the noiseless one of half the pixel",
         (Figure("error", beside={"spread": "error_spread"}, digits=4, format=".3f"),),
         columns="super_resolution",
-        notes=("Root mean square over the contrast of the ship.",),
+        notes=(
+            "Root mean square over the contrast of the ship.",
+            "Shifted images average the frame count at each of four places of the detector.",
+        ),
     ),
 )
