@@ -91,7 +91,7 @@ def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, 
     first = messages((1, 2))
     assert "square differs from the store in: not in the store" in first
     assert "square: 2 cells are computed by 2 calls" in first
-    assert any(line.startswith("task of ['square']: calls of ") for line in first)
+    assert any(line.startswith("task of ['square']: about ") for line in first)
     assert any("chunks are written, 0 stay" in line for line in first)
     assert messages((1, 2)) == ["store is reused: it has all of the sweep, and is undamaged"]
     more = messages((1, 2, 3))
