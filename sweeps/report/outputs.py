@@ -1,4 +1,4 @@
-"""Files that the report writes beside a store: their paths, and which of them it may replace.
+"""Files of a report beside a store: their paths, and the rule by which they are replaced.
 
 Only files that a report wrote are replaced or removed, if unchanged. The folder of tables has a
 list of them with their digests, as of `sha256sum`. A page contains the digest of the rest of it.
