@@ -267,9 +267,9 @@ def cluster(
     require("learning_rate", learning_rate, positive=True, maximum=1.0)
     require("max_passes", max_passes, minimum=1, whole=True)
     count = len(similarities.lengths)
-    turn = _presentation_order(similarities, order)
+    presented = _presentation_order(similarities, order)
     few = similarities.has_few_samples
-    blocks = [np.arange(count)] if few else np.split(turn, range(BLOCK, len(turn), BLOCK))
+    blocks = [np.arange(count)] if few else np.split(presented, range(BLOCK, len(presented), BLOCK))
     width = min(count, BLOCK)
     singles = _single_sample_rows(similarities, blocks, width)
     rows = np.zeros((32, singles[0].shape[1]))
@@ -285,9 +285,9 @@ def cluster(
             if lengths and not few:
                 directions = similarities.products(similarities.directions[block])
                 categories[:, :size] = categories[:, width:] @ directions.T
-            presented = turn if few else np.arange(size)
-            sizes = similarities.lengths[block[presented]]
-            for i, length in zip(presented.tolist(), sizes.tolist(), strict=True):
+            positions = presented if few else np.arange(size)
+            sizes = similarities.lengths[block[positions]]
+            for i, length in zip(positions.tolist(), sizes.tolist(), strict=True):
                 cosines = rows[: len(lengths), i]
                 k = int(cosines.argmax()) if lengths else NO_CATEGORY
                 if lengths and cosines[k] > threshold:
@@ -312,7 +312,7 @@ def cluster(
     # A category that lost all its vectors has no label and is dropped.
     live, category = np.unique(assigned, return_inverse=True)
     labels = np.full(count, NO_CATEGORY)
-    labels[turn] = category
+    labels[presented] = category
     return Clustering(labels, rows[live, width:], np.array(lengths)[live], passes, converged)
 
 
@@ -347,16 +347,16 @@ def _presentation_order(similarities: Similarities, order: Indices | None) -> In
     """Return the samples that have a direction in order of presentation."""
     count = len(similarities.lengths)
     samples = np.arange(count) if order is None else order
-    turn = require_all("order", samples, whole=True, minimum=0, below=count).astype(np.intp)
-    if turn.ndim != 1:
-        raise ValueError(f"order has shape {turn.shape}, but must be (sample,)")
-    counts = np.bincount(turn, minlength=count)
+    presented = require_all("order", samples, whole=True, minimum=0, below=count).astype(np.intp)
+    if presented.ndim != 1:
+        raise ValueError(f"order has shape {presented.shape}, but must be (sample,)")
+    counts = np.bincount(presented, minlength=count)
     if counts.max() > 1:
         raise ValueError(f"order has {counts.argmax()} more than once, but samples must differ")
-    turn = turn[similarities.lengths[turn] > 0]
-    if not turn.size:
+    presented = presented[similarities.lengths[presented] > 0]
+    if not presented.size:
         raise ValueError("order holds no vector with a direction, but must hold at least one")
-    return turn
+    return presented
 
 
 def _single_sample_rows(

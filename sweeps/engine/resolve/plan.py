@@ -396,7 +396,7 @@ class Plan:
             codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
         else:
             codes, size = 0 * cells, 1
-        return _factorise(codes, size, cells, partial(self.argument_value, bound, source))
+        return _values_by_position(codes, size, cells, partial(self.argument_value, bound, source))
 
     def stream(self, bound: BoundStage, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `resolve.keys`."""
@@ -484,7 +484,7 @@ class Plan:
                 number = self.axis_number(setting.key)
                 codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
                 value_at = partial(self.value, bound, setting.key)
-                values, codes = _factorise(codes, size, cells, value_at)
+                values, codes = _values_by_position(codes, size, cells, value_at)
                 counting = (value for value in values if value or not optional)
                 tokens = {value: f"{label}~{value_token(value)}" for value in counting}
                 fold(keys, hash_texts(tokens.get(value, "") for value in values)[codes])
@@ -527,7 +527,7 @@ class Plan:
         return {name: code.digest for name, code in self.digests.items()}
 
 
-def _factorise(
+def _values_by_position(
     codes: Cells, size: int, cells: Cells, value: Callable[[int], Value]
 ) -> tuple[tuple[Value, ...], Cells]:
     """Return the values at distinct positions, and each cell's index into them.
