@@ -279,6 +279,13 @@ def test_no_variable_of_a_result_replaces_another(run):
         run(lambda a: {"x": {"y": a}, "z": {"y": 2 * a}}, VALUES)
 
 
+def test_attributes_of_nothing_are_named(run, capsys):
+    found = run(lambda a: a, VALUES, attrs={"a": {"units": "m"}, "hieght": {"units": "m"}})
+    assert found.a.units == "m"
+    said = capsys.readouterr().err
+    assert said == "sweeps: attrs has 'hieght', which is neither a result nor an argument\n"
+
+
 def test_a_call_that_returns_nothing_is_told_so(run):
     with pytest.warns(CallsFailed, match="returned None as .*; a return may be missing"):
         run(lambda a: None, VALUES)

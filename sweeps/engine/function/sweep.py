@@ -172,6 +172,9 @@ def sweep(
     for name, variable in results.variables.items():
         if PADDING in variable.attrs:
             say("sweeps", f"{name} is padded {variable.attrs[PADDING]}")
+    for name in attrs or {}:
+        if name not in results.variables:
+            say("sweeps", f"attrs has {name!r}, which is neither a result nor an argument")
     return results
 
 
