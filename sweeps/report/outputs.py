@@ -157,12 +157,10 @@ def blocked_sentence(kept: Sequence[Path]) -> str:
     names = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
     if (unlisted := len(kept) - NAMED) > 0:
         names += f" and {unlisted} more"
-    reason = (
-        "stay as they are, since no report wrote them or they were changed since"
-        if len(kept) > 1
-        else "stays as it is, since no report wrote it or it was changed since"
+    return (
+        f"{names} not overwritten: not created by ncti-report, or edited since; "
+        "everything else is written"
     )
-    return f"{names} {reason}; everything else is written"
 
 
 def write_atomically(path: Path, content: bytes) -> None:

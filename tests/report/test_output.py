@@ -239,7 +239,10 @@ def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, mon
     captured = capsys.readouterr()
     assert "identified correctly" in captured.out and captured.err.count("\n") == 1
     assert captured.err.startswith("ncti-report: ") and reported_file in captured.err
-    assert captured.err.endswith("; everything else is written\n")
+    assert captured.err.endswith(
+        " not overwritten: not created by ncti-report, or edited since; "
+        "everything else is written\n"
+    )
     after = everything(tmp_path)
     assert before.items() <= after.items()
     written = {name for name in after if name not in before and not name.startswith("s-tables/.")}
