@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_shape
 
-SMALLEST = 1e-290  # probability below which an asymptotic series gives its logarithm
+MIN_TAIL = 1e-290  # probability below which an asymptotic series gives its logarithm
 
 Floats = NDArray[np.float64]
 
@@ -33,5 +33,5 @@ def log_fit(scores: ArrayLike, peak: ArrayLike, bins: int) -> Floats:
     far = np.maximum(half, shape)
     series = (shape - 1) * np.log(far) - far - gammaln(shape) - np.log1p(-(shape - 1) / far)
     with np.errstate(divide="ignore"):  # tails that underflow to 0
-        result: Floats = np.where(tail > SMALLEST, np.log(tail), series)
+        result: Floats = np.where(tail > MIN_TAIL, np.log(tail), series)
     return result

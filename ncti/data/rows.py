@@ -38,8 +38,15 @@ from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.window import check_window
 from ncti.render.far_field import NEGLIGIBLE, reach_of
 from ncti.render.flight import DEPRESSION
-from ncti.simulate.profiles import LONGEST
-from ncti.simulate.subject import FARTHEST, NEAREST, SPACING, Ship, check_sight, mesh_of
+from ncti.simulate.profiles import MAX_PULSE_WIDTH
+from ncti.simulate.subject import (
+    MAX_SLANT_RANGE,
+    MIN_SLANT_RANGE,
+    SPACING,
+    Ship,
+    check_sight,
+    mesh_of,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -291,8 +298,8 @@ def _bounds(bin_width: float) -> dict[str, Bounds]:
     return {
         "aspect": Bounds(-360.0, 360.0),
         "depression": Bounds(0.0, 90.0),
-        "slant_range": Bounds(NEAREST, FARTHEST),
-        "pulse_width": Bounds(shortest, max(LONGEST, shortest)),
+        "slant_range": Bounds(MIN_SLANT_RANGE, MAX_SLANT_RANGE),
+        "pulse_width": Bounds(shortest, max(MAX_PULSE_WIDTH, shortest)),
         "cnr": Bounds(-LOUDEST, LOUDEST),
         "frames": Bounds(1, MAX_FRAMES, whole=True),
         "gain": Bounds(0.0, 1000.0),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it i
 
 ENDS = ("_ci_low", "_ci_high")
 AT_ONCE = 2**20  # answers times levels of a vigilance in memory at a time
-LEAST = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # shares of answers to unknown ships, to be rejected
+LEAST_REJECTED = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # share of answers to unknown ships
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
     "rejected_known": "fraction of answers to known ships that are rejected",
@@ -97,11 +97,11 @@ def tabulate_rejection(
         all_similarity = similarity.where(knowns | unknowns)
         apply = partial(xr.apply_ufunc, vectorize=True)
         up_to = apply(
-            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST),
+            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST_REJECTED),
             similarity.where(unknowns),
             input_core_dims=[pooled],
             output_core_dims=[["least_rejected"]],
-        ).assign_coords(least_rejected=LEAST)
+        ).assign_coords(least_rejected=LEAST_REJECTED)
         pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
         auroc, oscr = apply(_areas, all_similarity, right, knowns, **pools)
         columns = {

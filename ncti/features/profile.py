@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require_all
 from ncti.ladar.window import EDGE
 
-LARGEST = 1e300  # in magnitude; sums over an edge then stay finite
+LIMIT = 1e300  # in magnitude; sums over an edge then stay finite
 
 
 def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -72,7 +72,7 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
     if floor is None:
         level = estimated_floor(values)
     else:
-        level = require_all("floor", floor, minimum=-LARGEST, maximum=LARGEST)[..., None]
+        level = require_all("floor", floor, minimum=-LIMIT, maximum=LIMIT)[..., None]
         try:
             np.broadcast_to(level, values.shape)
         except ValueError:
@@ -97,7 +97,7 @@ def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
 
 def _checked_profiles(profile: ArrayLike) -> NDArray[np.float64]:
     """Return profiles as an array, or raise `ValueError`."""
-    checked = require_all("profile", profile, minimum=-LARGEST, maximum=LARGEST)
+    checked = require_all("profile", profile, minimum=-LIMIT, maximum=LIMIT)
     if checked.ndim == 0 or checked.shape[-1] == 0:
         raise ValueError(f"profile has shape {checked.shape}, but must have bins")
     return checked

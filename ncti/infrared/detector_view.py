@@ -26,7 +26,7 @@ WHOLE = HALVES["none"]  # width of a detector pixel
 MAX_OFFSETS = 1000
 """Largest number of places of a ship on the pixels."""
 
-LEAST_CONTRAST = 1e-6
+MIN_CONTRAST = 1e-6
 """Contrast [K] below which the relative error of images is undefined."""
 
 
@@ -237,7 +237,7 @@ class DetectorView:
 
         See `ncti.infrared.reconstruction_error`; the noiseless image has half pixels.
         """
-        if self.contrast < LEAST_CONTRAST:  # no contrast to divide by
+        if self.contrast < MIN_CONTRAST:  # no contrast to divide by
             return np.full((len(subpixel_offsets), len(frame_count)), np.nan)
         images = self.images(super_resolution, subpixel_offsets, frame_count)
         finer = enlarge(images) if HALVES[super_resolution] == WHOLE else images

@@ -276,7 +276,7 @@ def coverage_of(
     return Silhouette(counts * (area / window.side**2), window.side, window.origin)
 
 
-SMALLEST, LARGEST = 1e-6, 1e12
+MIN_LENGTH, MAX_LENGTH = 1e-6, 1e12
 """Lengths [m], between which pixels can be counted."""
 
 
@@ -299,7 +299,7 @@ def _window(
     subdivision: int,
 ) -> _Window:
     """Return the window of whole pixels that contains the points, or the extent, and a margin."""
-    require("footprint", footprint, minimum=SMALLEST, maximum=LARGEST)
+    require("footprint", footprint, minimum=MIN_LENGTH, maximum=MAX_LENGTH)
     require("margin", margin, whole=True, minimum=0.0, maximum=MAX_SIDE)
     require("subdivision", subdivision, whole=True, minimum=1.0, maximum=MAX_SIDE)
     require_each("phase", phase, 2, minimum=0.0, below=1.0)
@@ -346,8 +346,8 @@ def _pixels(
             math.floor(end * (1 / footprint) + phase) for end in (points.min(), points.max())
         )
         return first, last
-    require(f"extent ({axis}, low end)", low, minimum=-LARGEST)
-    require(f"extent ({axis}, high end)", high, minimum=low, maximum=LARGEST)
+    require(f"extent ({axis}, low end)", low, minimum=-MAX_LENGTH)
+    require(f"extent ({axis}, high end)", high, minimum=low, maximum=MAX_LENGTH)
     if points.size and not (low <= points.min() and points.max() <= high):
         raise ValueError(
             f"extent is {low:g} to {high:g} m {axis}, but must hold the ship, which reaches "

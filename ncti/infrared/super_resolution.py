@@ -27,7 +27,7 @@ Within one half pixel of the ship's outline, ship and sea mix.
 """
 
 
-LEAST_CONTRAST = 1e-30
+MIN_CONTRAST = 1e-30
 """Least contrast that an error may be a fraction of [K].
 
 No sensor sees so little, yet errors of any scene over it are numbers that a float32 can hold.
@@ -233,7 +233,7 @@ def reconstruction_error(
     >>> reconstruction_error(np.zeros((2, 2)), target, contrast=0.27)
     0.5
     """
-    require("contrast", contrast, minimum=LEAST_CONTRAST)
+    require("contrast", contrast, minimum=MIN_CONTRAST)
     image, fine_target = (
         _checked_images("image", image),
         _checked_images("fine_target", fine_target, bool, axes=2),

@@ -35,7 +35,7 @@ CELLS = 8
 """Cells of the truth along a pixel; 4 or 10 change tilts of noiseless ships by 0.1 deg."""
 
 NO_ERROR = ("none", 0.0)
-LEAST_SEEN = 20
+MIN_SHIP_PIXELS = 20
 """Least number of pixels above the threshold that count as a ship, not as false alarms."""
 
 STERN, NEAR_STERN = 180.0, 15.0  # deg: landmarks are measured within this of it

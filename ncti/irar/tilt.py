@@ -14,10 +14,10 @@ from ncti.irar.tilt_fit import START, fit_place
 if TYPE_CHECKING:
     from ncti.irar.seen import Looks, Truth
 
-FINEST = 4  # cells of the truth along a pixel, at least
+MIN_REFINEMENT = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea around the ship that are fitted
 _KNEE = 0.3  # share of the ship's brightness at which the first search saturates
-_LEAST_SCATTER = 0.02  # share of the model: error of area averages over finite cells
+_MIN_SCATTER = 0.02  # share of the model: error of area averages over finite cells
 # Footprints of five rays a side resolve an edge to 0.2 / sqrt(12) pixels. Resulting errors of
 # noiseless passes: scatter, as a share of the model, and lean, in pixels over the ship's length.
 _SAMPLED_SCATTER, _SAMPLED_LEAN = 0.05, 0.03
@@ -170,12 +170,12 @@ def tilts(
         ship /= truth_level
 
     # Coarse cells are interpolated: slopes are taken between neighbouring cells.
-    refinement = -(-FINEST // factor)
+    refinement = -(-MIN_REFINEMENT // factor)
     if refinement > 1:
         cells = np.stack([_refine_rows(_refine_rows(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
 
-    least, lean = (_LEAST_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
+    least, lean = (_MIN_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
     if places is None:  # spread evenly over each pixel, one per cell
         row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
         row, column = np.broadcast_arrays(row[:, None], column)

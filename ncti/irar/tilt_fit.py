@@ -18,7 +18,7 @@ _STAGES = (
     *((floor, 4, 1e-4) for floor in (1.0, 0.5, 0.25, 0.12, 0.06)),
     (0.03, 25, 1e-5),
 )
-_LEAST_PIXELS = 8  # of the ship in each channel
+_MIN_PIXELS = 8  # of the ship in each channel
 # Affine map from image to truth: shift up and right [pixel], columns a row (mast), rows a column
 # (waterline), rows a row and columns a column [pixels a pixel]. Its value for a perfect image, and
 # the largest change in one pass.
@@ -68,7 +68,7 @@ def fit_place(
     for floor, passes, settled in _STAGES:
         for _ in range(passes):
             model, slopes = view.image(fit.place, looks)
-            if (((model > 0) & known).sum(axis=(1, 2)) < _LEAST_PIXELS).any():
+            if (((model > 0) & known).sum(axis=(1, 2)) < _MIN_PIXELS).any():
                 return None
             # One linear system for all channels: they share the place, not gain and offset.
             design, misfit, scatter = zip(

@@ -20,7 +20,7 @@ from ncti.render.view import View, check_made_at, far_field_error
 Floats = NDArray[np.float64]
 
 REFERENCE_BIN = 1.0  # m; the range bin for which the article states its beta-hat
-FARTHEST = 1e15  # m; the square of a longer slant range would leave float64
+MAX_SLANT_RANGE = 1e15  # m; the square of a longer slant range would leave float64
 MAX_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
 MAX_SHIFT = 1e6  # IFOVs; positions within an IFOV then keep a precision of 1e-10
 
@@ -319,7 +319,7 @@ def range_extent(
     >>> print(f"{(40 * 10 * math.sin(math.pi / 6) + 10 * 10 * math.cos(math.pi / 6)) / 225:.3f}")
     1.274
     """
-    require("slant_range", slant_range, positive=True, maximum=FARTHEST)
+    require("slant_range", slant_range, positive=True, maximum=MAX_SLANT_RANGE)
     require("ifov", ifov, positive=True, maximum=1.0)
     half_window, bin_count = bins_of(window, bin_width)
     require("spread", spread, minimum=0.0)

@@ -17,7 +17,8 @@ SPEED_OF_LIGHT = 299_792_458.0  # m/s, exact
 # its integral (within 1.5 % at 2, 60 % at 1), and the amplitude would depend on the bin width.
 MIN_BINS = 2.0
 
-SHORTEST, LONGEST = 1e-15, 1.0  # s; outside these limits the square of N_z leaves float64
+# Outside these limits [s] the square of N_z leaves float64.
+MIN_PULSE_WIDTH, MAX_PULSE_WIDTH = 1e-15, 1.0
 UNDECOMPOSED = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
 MAX_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
@@ -50,7 +51,7 @@ def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float
 
 def _check_pulse(pulse_width: float, bin_width: float, bin_count: int) -> None:
     """Raise `ValueError` for pulses and bins beyond the limits of float64 or memory."""
-    require("pulse_width", pulse_width, minimum=SHORTEST, maximum=LONGEST)
+    require("pulse_width", pulse_width, minimum=MIN_PULSE_WIDTH, maximum=MAX_PULSE_WIDTH)
     require("bin_width", bin_width, positive=True)
     if bin_count > MAX_BINS:
         raise ValueError(

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 FINE = (6, 7, 8)
 """Harmonics of the strands near the spacing, in sixteenths of a cycle per line."""
 
-ROUGHNESS, FACTOR, FEW = -0.148, 0.95, 34.0
+ROUGHNESS, FACTOR, FEW_LINES = -0.148, 0.95, 34.0
 """Constants of `sampling_error`; quantile regression gave the first two."""
 
 PIXELS = 0.6
@@ -108,7 +108,7 @@ def _after_pulse(
 
 def scarcity(line_count: int) -> float:
     """Return the factor of a bound for few lines, which may agree by chance."""
-    return 1.0 + (FEW / line_count) ** 2
+    return 1.0 + (FEW_LINES / line_count) ** 2
 
 
 _WAVES = np.exp(-2j * np.pi * np.outer(FINE, np.arange(STRANDS)) / STRANDS)

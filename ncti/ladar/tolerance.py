@@ -11,7 +11,7 @@ import numpy as np
 
 from ncti.checks import require, require_instance
 from ncti.ladar.beam import Beam
-from ncti.ladar.extent import FARTHEST, RangeExtent, bins_of, range_extent
+from ncti.ladar.extent import MAX_SLANT_RANGE, RangeExtent, bins_of, range_extent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.ladar.sampling import SLOPE, sampling_error, scarcity
 from ncti.render.draw_lines import line_image, refined
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 Binned = TypeVar("Binned", "Parts", RangeExtent)
 
 BEAM = Beam()
-FINEST = 1 / 256
+MIN_SPACING = 1 / 256
 """Smallest distance between lines [m]: the error of ships is then some 0.003 % without a pulse."""
 
-COARSEST = 2.0
+MAX_SPACING = 2.0
 """Default of the largest distance between lines [m]."""
 
-FEWEST = 32
+MIN_LINES = 32
 """Lines across a ship below which they may agree by chance."""
 
 MARGIN = 0.7
@@ -53,7 +53,7 @@ def lines_within(
     pulse_width: float,
     bin_width: float = Beam.bin_width,
     window: float = Beam.window,
-    spacing: float = COARSEST,
+    spacing: float = MAX_SPACING,
 ) -> LineImage:
     """Return a line image, as coarse as possible, whose range extent is accurate to a tolerance.
 
@@ -140,7 +140,7 @@ def extent_within(
     tolerance: float,
     pulse_width: float,
     beam: Beam = BEAM,
-    spacing: float = COARSEST,
+    spacing: float = MAX_SPACING,
 ) -> RangeExtent:
     """Return the range extent of a ship, accurate to a tolerance.
 
@@ -191,7 +191,7 @@ def extent_within(
     if view.slant_range is None:
         raise ValueError("view is of the far field, but must have a slant_range [m]")
     slant_range = view.slant_range
-    require("slant_range", slant_range, positive=True, maximum=FARTHEST)
+    require("slant_range", slant_range, positive=True, maximum=MAX_SLANT_RANGE)
     require("ifov", beam.ifov, positive=True, maximum=1.0)
     drawn = drawn_range(Surfaces.of(mesh).reach, slant_range, tolerance=tolerance)
 
@@ -250,18 +250,18 @@ def first_spacing(mesh: Mesh, view: View, *, tolerance: float, resolution: float
     scales with the ship. Two digits give mirrored views the same spacing in spite of rounding.
     """
     along, across, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
-    across, depth = max(across, FINEST), max(depth, resolution)
+    across, depth = max(across, MIN_SPACING), max(depth, resolution)
     size = resolution**0.375 * across**0.725 * along**0.2 * depth**-0.3
     typical = TYPICAL * tolerance ** (1 / SLOPE) * size
-    return float(f"{max(min(typical, across / FEWEST), FINEST):.2g}")
+    return float(f"{max(min(typical, across / MIN_LINES), MIN_SPACING):.2g}")
 
 
 def _factor(lines: LineImage, error: float, goal: float) -> int:
     """Return the number to divide the spacing by; 0 if the lines suffice or are the finest."""
-    most = math.floor(lines.spacing / FINEST * (1 + 1e-9))
-    if (error <= goal and lines.count >= FEWEST) or most < 2:
+    most = math.floor(lines.spacing / MIN_SPACING * (1 + 1e-9))
+    if (error <= goal and lines.count >= MIN_LINES) or most < 2:
         return 0
-    least = FEWEST / lines.count if lines.count else 2.0
+    least = MIN_LINES / lines.count if lines.count else 2.0
     if error > goal:  # and falls, also because there will be more lines
         least = max(least, (error / scarcity(lines.count) / goal) ** (1 / SLOPE))
     return max(math.ceil(min(least, most)), 2)

@@ -10,7 +10,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from ncti.render.solid import STEEPEST, Solid, covered_columns
+from ncti.render.solid import MIN_COSINE, Solid, covered_columns
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20
@@ -102,11 +102,11 @@ def _hits_from_behind(
 ) -> Indices:
     """Return the rays that meet their facet from behind; a facet edge-on counts as facing them."""
     if len(direction) == 1:  # parallel rays: one cosine for each facet
-        away = solid.normals @ direction[0] > STEEPEST
+        away = solid.normals @ direction[0] > MIN_COSINE
         return np.flatnonzero(away[facet] & (facet >= 0))
     normal = solid.normals.take(np.maximum(facet, 0), axis=0)
     cosine = np.einsum("ij,ij->i", normal, direction)
-    return np.flatnonzero((cosine > STEEPEST) & (facet >= 0))
+    return np.flatnonzero((cosine > MIN_COSINE) & (facet >= 0))
 
 
 def _distance(solid: Solid, facet: Indices, origin: Floats, direction: Floats) -> Floats:

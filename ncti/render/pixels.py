@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled, inlined
-from ncti.render.solid import STEEP, STEEPEST
+from ncti.render.solid import MIN_COSINE, STEEP
 
 Floats = NDArray[np.float64]
 Index = int | np.integer[Any]
@@ -315,7 +315,7 @@ def surface(
             n_v = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
             n_r = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
             s = n_h * h + n_v * v
-            a = max(-(n_r + curvature * s), STEEPEST)
+            a = max(-(n_r + curvature * s), MIN_COSINE)
             r = (s - offsets[f]) / a
             if a < STEEP:
                 first, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]

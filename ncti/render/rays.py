@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.solid import STEEP, STEEPEST, Solid
+from ncti.render.solid import MIN_COSINE, STEEP, Solid
 from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
@@ -126,7 +126,7 @@ def _meet(
     """Return distance, facet and cosine of incidence where rays meet the planes of facets."""
     normal = solid.normals.take(facet, axis=0)
     # All facets face their rays, or are edge-on.
-    cosine = np.maximum(-np.einsum("ij,ij->i", normal, direction), STEEPEST)
+    cosine = np.maximum(-np.einsum("ij,ij->i", normal, direction), MIN_COSINE)
     distance = (np.einsum("ij,ij->i", normal, origin) - solid.offsets.take(facet)) / cosine
     # A steep facet's plane departs from it quickly: clip the distance to the facet's extent.
     steep = np.flatnonzero(cosine < STEEP)

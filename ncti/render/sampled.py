@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ncti.render.mask import Mask
     from ncti.ships.shape import Mesh
 
-FINEST = 0.25
+MIN_SHARE = 0.25
 """Finest pixel, relative to the given one; a finer one would gain little, as on a thin pole."""
 
 VISIBLE = 0.9
@@ -106,10 +106,10 @@ class Sampling:
         image = draw(mesh, pixel=self.pixel, roll=roll, **view)
         hits = int(image.hit.sum())
         if 0 < hits < self.samples:
-            finer = self.pixel * max(math.sqrt(hits / self.samples), FINEST)
+            finer = self.pixel * max(math.sqrt(hits / self.samples), MIN_SHARE)
             image = draw(mesh, pixel=finer, roll=roll, **view)
         return image
 
     def _is_short(self, area: float, spacing: float) -> bool:
         """Return whether an area [m^2] has too few samples and the spacing may be halved."""
-        return area < self.samples * spacing**2 and spacing > FINEST * self.pixel
+        return area < self.samples * spacing**2 and spacing > MIN_SHARE * self.pixel

@@ -15,7 +15,7 @@ from ncti.ships.shape import Mesh
 KEPT = 8
 """Ships kept, here and on a canvas: the six packaged ones and two of the user's."""
 
-STEEPEST = 1e-4
+MIN_COSINE = 1e-4
 """Smallest cosine of incidence that is not edge-on. A steeper facet is narrower than the grid of a
 rasteriser and seen by chance; the bound keeps its slope finite."""
 

@@ -15,7 +15,7 @@ from ncti.processors import processor_count
 
 Floats = NDArray[np.float64]
 
-FEWEST = 64
+MIN_LINES = 64
 """Fewest lines per thread."""
 
 
@@ -30,7 +30,7 @@ def sweep_lines(
 
     lowest, start, crossing = crossings
     lines = len(start) - 1
-    parts = max(1, min(thread_count(), lines // FEWEST))
+    parts = max(1, min(thread_count(), lines // MIN_LINES))
     inner = np.searchsorted(start, np.arange(1, parts) * start[-1] // parts)
     cuts = [0, *inner.tolist(), lines]
 

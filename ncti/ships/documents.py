@@ -11,8 +11,8 @@ from ncti.ships.errors import ShipError, short_repr
 # The packaged sheets have up to 2,300 values, nested 6 deep. Every use of an alias counts: a few
 # lines of aliases to aliases stand for more values than fit into memory.
 MAX_VALUES = 50_000
-DEEPEST = 30
-LONGEST = 10_000  # characters of one value
+MAX_DEPTH = 30
+MAX_VALUE = 10_000  # characters of one value
 
 # The loader of libyaml, if PyYAML has it, takes a tenth of the time.
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -74,15 +74,15 @@ def _check_size(where: str, text: str) -> None:
                     raise ShipError(f"{where}: '*{anchor}' holds itself, but no value may.")
                 values += size
             case yaml.ScalarEvent(anchor=anchor, value=value):
-                if len(value) > LONGEST:
+                if len(value) > MAX_VALUE:
                     excess = f"has {short_repr(value)} of {len(value)} characters"
-                    raise _excess_error(where, excess, LONGEST)
+                    raise _excess_error(where, excess, MAX_VALUE)
                 values += 1
                 size_of[anchor] = 1
             case yaml.CollectionStartEvent(anchor=anchor):
                 opened.append((anchor, values))
-                if len(opened) > DEEPEST:
-                    raise _excess_error(where, f"is nested {len(opened)} deep", DEEPEST)
+                if len(opened) > MAX_DEPTH:
+                    raise _excess_error(where, f"is nested {len(opened)} deep", MAX_DEPTH)
                 values += 1
                 size_of[anchor] = None
             case yaml.CollectionEndEvent():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 from typing import Any
 
-LONGEST = 1000  # characters of a message
+MAX_MESSAGE = 1000  # characters of a message
 
 
 class ShipError(ValueError):
@@ -29,7 +29,7 @@ class ShipError(ValueError):
 
     def __init__(self, message: str) -> None:
         line = printable(message)
-        super().__init__(line if len(line) <= LONGEST else f"{line[: LONGEST - 3]}...")
+        super().__init__(line if len(line) <= MAX_MESSAGE else f"{line[: MAX_MESSAGE - 3]}...")
 
 
 def printable(text: str) -> str:

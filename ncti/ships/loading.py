@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 SHEET_SUFFIXES = (".yaml", ".yml")
 MESH_SUFFIXES = (".stl", ".obj", ".glb")
 MAX_MEGABYTES = dict.fromkeys(SHEET_SUFFIXES, 1) | dict.fromkeys(MESH_SUFFIXES, 256)
-LONGEST_LABEL = 100  # characters
+MAX_LABEL = 100  # characters
 
 
 @dataclass(frozen=True)
@@ -516,10 +516,10 @@ def _find_source(name_or_path: str | Path) -> _Source:
 def _check_label(path: Path) -> None:
     """Refuse a file whose name cannot label its ship in tables and messages."""
     label = path.stem
-    if not label.strip() or len(label) > LONGEST_LABEL or not label.isprintable():
+    if not label.strip() or len(label) > MAX_LABEL or not label.isprintable():
         raise ShipError(
             f"ship file {short_repr(path.name)} cannot label its ship: its name must have 1 to "
-            f"{LONGEST_LABEL} printable characters before '{path.suffix}'."
+            f"{MAX_LABEL} printable characters before '{path.suffix}'."
         )
 
 

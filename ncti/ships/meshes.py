@@ -19,7 +19,7 @@ from ncti.ships.transform import Transform
 if TYPE_CHECKING:
     import trimesh
 
-SMALLEST, LARGEST = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
+MIN_EXTENT, MAX_EXTENT = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
 
 
 UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
@@ -140,7 +140,7 @@ def _clip_to_water(
 
 def _check_size(extent: float, scale: float, where: str) -> None:
     """Refuse a mesh too small or large for a ship in metres, and suggest fitting units."""
-    if SMALLEST <= extent <= LARGEST:
+    if MIN_EXTENT <= extent <= MAX_EXTENT:
         return
     guesses = ", ".join(
         f"scale: {scale * unit:g} makes it {extent * unit:.4g} m if it is in {name}"
@@ -149,8 +149,8 @@ def _check_size(extent: float, scale: float, where: str) -> None:
     )
     unit_note = "in its own unit" if scale == 1.0 else f"with scale {scale:g}"
     raise ShipError(
-        f"{where} is {extent:g} across {unit_note}, but must be in metres, {SMALLEST:g} to "
-        f"{LARGEST:g} m{f' ({guesses})' if guesses else ''}."
+        f"{where} is {extent:g} across {unit_note}, but must be in metres, {MIN_EXTENT:g} to "
+        f"{MAX_EXTENT:g} m{f' ({guesses})' if guesses else ''}."
     )
 
 

@@ -14,8 +14,8 @@ from ncti.checks import require, require_each
 from ncti.ships.errors import ShipError, short_repr
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
-SMALLEST_SCALE, LARGEST_SCALE = 1e-9, 1e6
-FARTHEST = 1e7  # offset [m], enough for the coordinates of a map
+MIN_SCALE, MAX_SCALE = 1e-9, 1e6
+MAX_OFFSET = 1e7  # offset [m], enough for the coordinates of a map
 
 _ORIGIN = (0.0, 0.0, 0.0)
 
@@ -81,8 +81,8 @@ class Transform:
                 f"forward is {forward!r}, but must be along another axis than up, {self.up!r}."
             )
         try:
-            require("scale", self.scale, minimum=SMALLEST_SCALE, maximum=LARGEST_SCALE)
-            require_each("offset", self.offset, 3, minimum=-FARTHEST, maximum=FARTHEST)
+            require("scale", self.scale, minimum=MIN_SCALE, maximum=MAX_SCALE)
+            require_each("offset", self.offset, 3, minimum=-MAX_OFFSET, maximum=MAX_OFFSET)
         except ValueError as error:
             raise ShipError(f"{error}.") from None
         if not isinstance(self.repair, bool):

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-LONGEST = 1e-6
+MAX_PULSE_WIDTH = 1e-6
 """Longest pulse [s], as in sweeps."""
 
 MAX_PLACES = 2**28
@@ -226,7 +226,7 @@ def _check_binning(beam: Beam, pulse_width: float) -> None:
     bins_of(beam.window, beam.bin_width)
     # The shortest pulse may be rounded down.
     shortest = shortest_pulse(beam.bin_width) * (1 - 1e-9)
-    require("pulse_width", pulse_width, minimum=shortest, maximum=max(LONGEST, shortest))
+    require("pulse_width", pulse_width, minimum=shortest, maximum=max(MAX_PULSE_WIDTH, shortest))
 
 
 def _check_fits(mesh: Mesh, views: Sequence[View], beam: Beam, pulse_width: float) -> None:

@@ -29,21 +29,21 @@ SPACING = 0.25
 """Largest distance between lines of a view [m], equal to the pixel of sweeps."""
 
 
-NEAREST, FARTHEST = 1e3, 1e9
+MIN_SLANT_RANGE, MAX_SLANT_RANGE = 1e3, 1e9
 """Slant ranges [m]; 25 for 25 km would cut a ship into pixels of millimetres."""
 
-NARROWEST = 0.1
+MIN_FOOTPRINT = 0.1
 """Smallest beam at the ship [m]."""
 
 
 def check_sight(slant_range: float, ifov: float) -> None:
     """Raise `ValueError` unless slant range [m] and width of a beam [rad] are within bounds."""
-    require("slant_range", slant_range, minimum=NEAREST, maximum=FARTHEST)
+    require("slant_range", slant_range, minimum=MIN_SLANT_RANGE, maximum=MAX_SLANT_RANGE)
     require("ifov", ifov, positive=True, maximum=1.0)
-    if ifov * slant_range < NARROWEST * (1 - 1e-9):  # a margin for rounding
+    if ifov * slant_range < MIN_FOOTPRINT * (1 - 1e-9):  # a margin for rounding
         raise ValueError(
-            f"ifov is {ifov!r} rad, but must be at least {NARROWEST / slant_range:.3g} rad, "
-            f"{NARROWEST:g} m at a slant range of {slant_range:g} m"
+            f"ifov is {ifov!r} rad, but must be at least {MIN_FOOTPRINT / slant_range:.3g} rad, "
+            f"{MIN_FOOTPRINT:g} m at a slant range of {slant_range:g} m"
         )
 
 

@@ -27,7 +27,7 @@ PLACES = 8  # along the profile, at which the last layer is averaged
 BATCH = 64  # rows of a step
 RATE, DECAY = 2e-3, 1e-2  # largest learning rate, and weight decay
 WARM_UP = 0.3  # part of the steps in which the learning rate rises
-LARGEST = 1e15  # of inputs, whose squares single precision holds
+MAX_MAGNITUDE = 1e15  # of inputs, whose squares single precision holds
 
 Floats = NDArray[np.float64]
 
@@ -131,7 +131,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
 
 def _require_moderate(vectors: Floats) -> None:
     """Raise `ValueError` if a number in X is too large for single precision."""
-    require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=LARGEST)
+    require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=MAX_MAGNITUDE)
 
 
 def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require
 
-LEAST = 4
+MIN_SHIPS = 4
 """Smallest number of ships."""
 
 ARTICLE = ("duncan", "horne", "spruance", "texas")
@@ -35,11 +35,11 @@ def fleet_order(names: Sequence[str]) -> NDArray[np.intp]:
 def views_of_ships(tests: int, ships: int) -> list[int]:
     """Return the number of test views of each ship, enough for a fleet of any first ships.
 
-    The n-th ship has the tests over n, rounded up, with at least `LEAST` for n.
+    The n-th ship has the tests over n, rounded up, with at least `MIN_SHIPS` for n.
     """
     require("tests", tests, minimum=1, whole=True)
     require("ships", ships, minimum=1, whole=True)
-    return [-(-tests // max(ship, LEAST)) for ship in range(1, ships + 1)]
+    return [-(-tests // max(ship, MIN_SHIPS)) for ship in range(1, ships + 1)]
 
 
 def bootstrap_uniforms(
@@ -66,7 +66,7 @@ def fleet_shares(
     start = np.concatenate([[0], np.cumsum(rows)])
     share, resampled = [], []
     for fleet in fleets:
-        require("fleets", fleet, minimum=LEAST, maximum=values.shape[1], whole=True)
+        require("fleets", fleet, minimum=MIN_SHIPS, maximum=values.shape[1], whole=True)
         count = rows[fleet - 1]
         indices = (start[:fleet, None] + np.arange(count)).ravel()
         predicted = values[indices, :fleet].argmax(axis=1).reshape(fleet, count)

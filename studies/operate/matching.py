@@ -12,7 +12,7 @@ from ncti.checks import require, require_all
 Singles = NDArray[np.float32]
 Densities = tuple[Singles, Singles]
 
-LEAST_DENSITY = np.float32(1e-30)
+MIN_DENSITY = np.float32(1e-30)
 """Density of a template over that of the best of its ship that a sensor allows at least."""
 
 STEP = 0.5**0.5  # between the inverse temperatures tried
@@ -75,7 +75,7 @@ def over_places(density: Singles, places: int) -> Singles:
     that changes more with place than from one aspect to the next might match no template of its own
     ship.
     """
-    rows = np.maximum(density, LEAST_DENSITY).reshape(-1, density.shape[2])
+    rows = np.maximum(density, MIN_DENSITY).reshape(-1, density.shape[2])
     return (rows @ _place_weights(density.shape[2], places)).reshape(density.shape)
 
 

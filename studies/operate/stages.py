@@ -43,7 +43,7 @@ class Operate(Settings, key="operate"):
 
     fleet = count(
         [4, 6],
-        library.fleets.LEAST,
+        library.fleets.MIN_SHIPS,
         1000,
         label="ships told apart, the first of grid.ship",
         help="nominal ships come first, then variants by number",

@@ -38,7 +38,7 @@ class Box(NamedTuple):
         return np.all((cells >= self[:2]) & (cells < self[2:]), axis=-1)
 
 
-MOST_PIXELS = 1e8
+MAX_PIXELS = 1e8
 """Pixels of a field: an image of them takes 0.8 GB."""
 
 
@@ -56,11 +56,11 @@ class Field:
     def __post_init__(self) -> None:
         for name in ("width", "height", "ifov"):
             require(name, getattr(self, name), positive=True, maximum=math.pi)
-        least = math.sqrt(self.width * self.height / MOST_PIXELS)
-        if self.ifov < least:
+        finest = math.sqrt(self.width * self.height / MAX_PIXELS)
+        if self.ifov < finest:
             raise ValueError(
-                f"ifov is {self.ifov!r} rad, but must be at least {least:.3g} rad, of which a "
-                f"field of {self.width:g} by {self.height:g} rad has {MOST_PIXELS:g} pixels"
+                f"ifov is {self.ifov!r} rad, but must be at least {finest:.3g} rad, of which a "
+                f"field of {self.width:g} by {self.height:g} rad has {MAX_PIXELS:g} pixels"
             )
 
     @property

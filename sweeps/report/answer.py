@@ -20,7 +20,7 @@ from sweeps.report.pivot import (
 from sweeps.report.terminal import count_fitting_columns
 from sweeps.report.words import OVERALL
 
-MOST_ROWS, MOST_ACROSS, WIDEST = 12, 6, 80
+MAX_ROWS, MAX_COLUMNS, MAX_WIDTH = 12, 6, 80
 
 
 def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
@@ -31,7 +31,7 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
     """
     columns = {name: col for name, col in frame.columns.items() if col.role != "article"}
     frame = replace(frame, columns=columns)
-    axis, width = main_axis(frame, swept), min(width, WIDEST)
+    axis, width = main_axis(frame, swept), min(width, MAX_WIDTH)
     rivals = find_rivals(frame, axis)
     if len(rivals) < 2:
         frame = _add_second_axis(frame, axis)
@@ -42,7 +42,7 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
         table = _rival_table(frame, rivals)
     notes = [*table.notes, *_omission_notes(table, frame, axis)]
     table = replace(
-        table, lines=tuple(thin_lines(table.lines, MOST_ROWS) if axis else table.lines[:MOST_ROWS])
+        table, lines=tuple(thin_lines(table.lines, MAX_ROWS) if axis else table.lines[:MAX_ROWS])
     )
     table, left_out = _narrow_table(table, width)
     # The headline states the level of chance, and the setting of the best classifier.
@@ -110,7 +110,7 @@ def _add_second_axis(frame: Frame, axis: str) -> Frame:
     if not axis or frame.across or len(frame.figures) > 1:
         return frame
     candidates = [name for name in frame.varying_axes if name not in (axis, *frame.down)]
-    short_axes = [name for name in candidates if frame.rows[name].nunique() <= MOST_ACROSS]
+    short_axes = [name for name in candidates if frame.rows[name].nunique() <= MAX_COLUMNS]
     return replace(frame, across=next(iter(short_axes), ""))
 
 
@@ -122,11 +122,11 @@ def _select_overall(frame: Frame) -> Frame:
 def _omission_notes(table: Table, frame: Frame, axis: str) -> list[str]:
     """Return a sentence on the rows of a table that are not shown, if any."""
     count = len(table.lines)
-    if count <= MOST_ROWS:
+    if count <= MAX_ROWS:
         return []
     if axis:
-        return [f"{MOST_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."]
-    return [f"{count - MOST_ROWS} more are in {table.name}.csv."]
+        return [f"{MAX_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."]
+    return [f"{count - MAX_ROWS} more are in {table.name}.csv."]
 
 
 def _narrow_table(table: Table, width: int) -> tuple[Table, str]:

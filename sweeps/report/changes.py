@@ -20,7 +20,7 @@ from sweeps.report.pivot import Entry, Line, Table, make_entry
 from sweeps.report.stores import attributes, opened
 from sweeps.report.words import OVERALL, is_missing
 
-MOST_LINES, MOST_LISTED = 10, 3
+MAX_LINES, MAX_LISTED = 10, 3
 ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
 
 
@@ -109,7 +109,7 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
         text = down.text(key) if axis else str(key)
         lines.append(Line((key,), (text,), tuple(cells)))
     count = len(lines)
-    lines = thin_lines(lines, MOST_LINES) if axis else lines[:MOST_LINES]
+    lines = thin_lines(lines, MAX_LINES) if axis else lines[:MAX_LINES]
     title = frame.title.partition(":")[0].replace("[points]", "[%]") if two else frame.title
     subtitle = [*_row_names(frame, largest), _row_setting(frame, largest, but=axis)] if axis else []
     heads = (*compared.names, "difference") if two else compared.names[1:]
@@ -166,8 +166,8 @@ def ships_that_differ(compared: Comparison) -> list[str]:
 
 def _abbreviate(listed: Sequence[str]) -> str:
     """Return the first texts of a list and the number of the others."""
-    more = len(listed) - MOST_LISTED
-    return "; ".join(listed[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")
+    more = len(listed) - MAX_LISTED
+    return "; ".join(listed[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
 
 
 def _with_signed_interval(cell: Entry) -> Entry:

@@ -15,7 +15,7 @@ from sweeps.report.frames import HIDDEN, Frame, stack_frames, tidy_frame
 from sweeps.report.stores import list_groups, read_group
 
 NAME = "confusion"
-LARGEST = 2_000_000  # answers that are counted
+MAX_ANSWERS = 2_000_000  # answers that are counted
 DISPLAY = Display(
     NAME,
     "Ships named, percent of the answers to each true ship",
@@ -30,7 +30,7 @@ def read_predictions(store: Any) -> dict[str, xr.DataArray]:
     predictions = {}
     for name in list_groups(store, "classification"):
         answers = read_group(store, f"classification/{name}")
-        if "predicted" in answers and answers.predicted.size <= LARGEST:
+        if "predicted" in answers and answers.predicted.size <= MAX_ANSWERS:
             predictions[name] = answers.predicted.load()
     return predictions
 

@@ -25,7 +25,7 @@ from sweeps.stages.ships import ship_name
 if TYPE_CHECKING:
     import trimesh
 
-SMALL = 8.5  # points
+FONT_SIZE = 8.5  # points
 STRIPES = 12.0  # m of range in one cycle of the colours, as in the article's images
 BRIGHTEST = 99.5  # percentile of an image at the end of its scale
 KINDS = {
@@ -165,6 +165,6 @@ def draw_stages(images: Mapping[str, Snapshot], title: str, slant_range: float) 
             top = np.percentile(finite, BRIGHTEST) if finite.size else None
             drawn = axes.imshow(values, colours, vmax=top, **style)
             figure.colorbar(drawn, ax=axes, label=label)
-        row[0].set_title(name, loc="left", fontsize=SMALL)
+        row[0].set_title(name, loc="left", fontsize=FONT_SIZE)
     figure.suptitle(title)
     return figure

@@ -33,7 +33,7 @@ from sweeps.report.words import (
 HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
 ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
 BESIDE = ("_spread", "_n", "_of")
-MOST_POINTS = 6  # of settings that run together, to be listed
+MAX_POINTS = 6  # of settings that run together, to be listed
 TENTHS = 1  # decimals of percentages in files
 PART = "part"  # column with the number of the part of a frame, not in files
 FIRST = (
@@ -321,7 +321,7 @@ def _joint_sentence(data: xr.Dataset, dim: str, main_name: str) -> list[str]:
     if not others:
         return []
     main, *columns = (column_of_axis(data, name) for name in (main_name, *others))
-    if data.sizes[dim] > MOST_POINTS:
+    if data.sizes[dim] > MAX_POINTS:
         return [f"Along {main.words} run {', '.join(column.words for column in columns)}."]
     points = [
         f"{main.in_words(value)}: "

@@ -11,7 +11,7 @@ import pandas as pd
 
 from sweeps.report.contest import SCORES, UNTESTED, Rival, find_rivals, main_axis, main_frame
 from sweeps.report.frames import Column, Frame
-from sweeps.report.pivot import FEW, constant_values, make_entry
+from sweeps.report.pivot import FEW_ANSWERS, constant_values, make_entry
 from sweeps.report.stores import ERRORS
 from sweeps.report.words import OVERALL, SIMPLEST, is_missing
 
@@ -71,7 +71,7 @@ def headline_for_script(
         "simplest": SIMPLEST,
         "untested": UNTESTED,
         "overall": OVERALL,
-        "few": FEW,
+        "few": FEW_ANSWERS,
     }
 
 
@@ -111,8 +111,8 @@ def _score_sentence(scores: Frame, rivals: Sequence[Rival], ships: str) -> str:
     level = frame.column_of_role("chance", figure)
     sentence += f"; chance {row[level]:.0f} %." if level else "."
     sentence += _ranking_sentence(rivals)
-    least = frame.rows["n"].min() if "n" in frame.rows else FEW
-    if least < FEW:
+    least = frame.rows["n"].min() if "n" in frame.rows else FEW_ANSWERS
+    if least < FEW_ANSWERS:
         sentence += f" Few answers (n = {least:.0f}) make the interval wide."
     return sentence
 

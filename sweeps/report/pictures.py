@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAMED = 6  # names of pictures that are printed
-SMALL = 8.5  # points
+FONT_SIZE = 8.5  # points
 ASPECT, TURNED = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
 SEEN = 60.0  # deg, of its Figures 6 to 8
 SCALE = 50.0  # m, drawn below its images
@@ -82,7 +82,8 @@ def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title
         anchor = profile.down_range[-1].item(), 0.15 - STEP * index
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
         words = printable(label.format(value))
-        axes.annotate(words, anchor, ha="right", fontsize=SMALL, bbox=behind)  # noise may cross it
+        # Noise may cross it.
+        axes.annotate(words, anchor, ha="right", fontsize=FONT_SIZE, bbox=behind)
     axes.set(title=printable(title), yticks=[], xlabel="down-range from the ship origin [m]")
     axes.spines[["left", "right", "top"]].set_visible(False)
 
@@ -110,7 +111,7 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     figure = Figure(figsize=10.0 * size / size[0], dpi=130)
     # One pair of axes for all: drawing the ticks of many takes longer than the images.
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    text = partial(axes.annotate, fontsize=SMALL, ha="center", va="center")
+    text = partial(axes.annotate, fontsize=FONT_SIZE, ha="center", va="center")
     for n, row in enumerate(shots):
         top = -n * (tall + gap)
         text(f"{ranges[n]:g} km", (-1.2 * gap, top - tall / 2), rotation="vertical")
@@ -163,7 +164,7 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
         for axes, ship in zip(row, ships, strict=True):
             PICTURED[group](axes, root, ship, aspect)
     for axes, ship in zip(panels[0], ships, strict=True):
-        axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=SMALL + 1)
+        axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=FONT_SIZE + 1)
     return figure
 
 
@@ -172,7 +173,7 @@ def _draw_profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     profiles = nominal(read_group(store, "range_profile")[["expected"]], keep=("ship", "aspect"))
     profile = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
     axes.plot(profile.down_range, profile, lw=1.1)
-    axes.set_xlabel("down-range [m]", fontsize=SMALL)
+    axes.set_xlabel("down-range [m]", fontsize=FONT_SIZE)
     axes.set_yticks([])
 
 
@@ -183,7 +184,7 @@ def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     image, extent = _crop_image(view.sel(range=view.range.min()).load())
     left, right, low, high = extent
     axes.imshow(image, extent=(left, right, low, high), cmap="inferno", origin="lower")
-    axes.set_xlabel("across [m]", fontsize=SMALL)
+    axes.set_xlabel("across [m]", fontsize=FONT_SIZE)
     axes.set_yticks([])
 
 

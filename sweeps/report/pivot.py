@@ -10,7 +10,7 @@ from typing import Any
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.words import NOTHING, WORDED, is_missing, preferred_value
 
-FEW = 30  # answers below which a score is said to rest on few
+FEW_ANSWERS = 30  # answers below which a score is said to rest on few
 
 
 @dataclass(frozen=True)
@@ -146,8 +146,8 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
             "An interval of the whole takes in how much bins differ, and may be the widest."
         )
     numbers = frame.rows["n"].dropna() if "n" in frame.rows else ()
-    least = min((number for number in numbers if number > 0), default=FEW)
-    if least < FEW:
+    least = min((number for number in numbers if number > 0), default=FEW_ANSWERS)
+    if least < FEW_ANSWERS:
         notes.append(f"Where answers are few (n = {least:.0f} at the least), intervals are wide.")
     return tuple(note for note in notes if note)
 

@@ -14,7 +14,7 @@ from sweeps.report.pivot import Entry, Line, Table
 from sweeps.report.screen import plain_text, print_note
 
 GAP = 2  # blanks between columns
-WIDEST, WIDEST_FIGURE, LEAST = 26, 40, 4  # cells of a column of labels, of figures, of any
+MAX_LABEL_WIDTH, MAX_FIGURE_WIDTH, MIN_WIDTH = 26, 40, 4  # of a column, in characters
 FOLDED = 16  # of a single column of labels that folds, so that all figures fit
 MOST = 60  # rows of a table; its file has all
 
@@ -77,12 +77,12 @@ def count_fitting_columns(table: Table, width: int) -> int:
 def _make_columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
     """Return the columns of labels and of figures, for some rows of a table."""
     labels = [
-        _make_column(column.heading, [line.keys[k] for line in lines], WIDEST)
+        _make_column(column.heading, [line.keys[k] for line in lines], MAX_LABEL_WIDTH)
         for k, column in enumerate(table.down)
     ]
     figures = [
         replace(
-            _make_column(head, [entry_text(line.cells[k]) for line in lines], WIDEST_FIGURE),
+            _make_column(head, [entry_text(line.cells[k]) for line in lines], MAX_FIGURE_WIDTH),
             right=True,
         )
         for k, head in enumerate(table.heads)
@@ -123,7 +123,7 @@ def _fitting_labels(
         beside = beside[1:]
     if len(beside) == 1:
         available = width - needed
-        beside = [replace(beside[0], width=max(min(beside[0].width, available), LEAST))]
+        beside = [replace(beside[0], width=max(min(beside[0].width, available), MIN_WIDTH))]
     return beside
 
 

@@ -60,7 +60,7 @@ PROFILES = "profiles"  # inputs of most classifiers
 TESTED = ("replicate", "place", "frame_count")  # and of averages
 LEFT_ALONE = "classifier.left_out has True, but must be false where {} learned: no view remains"
 UNSEEN = 1000  # seed of generated ships, apart from those of ships to be tested
-SMALLEST, LARGEST = 0.7, 1.1  # of generated ships; the receiver's window holds no larger ones
+MIN_SIZE, MAX_SIZE = 0.7, 1.1  # of generated ships; the receiver's window holds no larger ones
 DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
 
 
@@ -168,7 +168,7 @@ def generated_ships(learned: Sequence[str], number: int) -> tuple[ShipName, ...]
     learned ships.
     """
     step = np.arange(1, number + 1) * (np.sqrt(5) - 1) / 2
-    sizes = SMALLEST * (LARGEST / SMALLEST) ** (step % 1)
+    sizes = MIN_SIZE * (MAX_SIZE / MIN_SIZE) ** (step % 1)
     return tuple(
         ship_name(str(Variant(str(name), UNSEEN, k, MAX_SCALE, round(float(size), 3))))
         for name in learned

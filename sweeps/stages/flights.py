@@ -219,7 +219,7 @@ def corrected(
     fine = flight_chain.correct(noisy, navigation, pixels, overscanned=True)
     cut = partial(library.segmented, threshold=flight_chain.segmentation_threshold)
     segmented, fine = cut(image, navigation), cut(fine, navigation)
-    visible = bool(np.count_nonzero(segmented.intensity) >= comparison.LEAST_SEEN)
+    visible = bool(np.count_nonzero(segmented.intensity) >= comparison.MIN_SHIP_PIXELS)
     measured = library.profile(fine, navigation, bins=bins.size, bin_width=bin_width)
     profiles = np.stack([measured, *(flight.cnr * models)])
     return {

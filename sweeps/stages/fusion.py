@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 NAME = "fusion"
 WITH_MOMENTS[NAME] = {RANGE, INFRARED}
 CHANNELS = ("range", "infrared", "both")
-LEAST_PHASES = 2
+MIN_PHASES = 2
 OF_DRAWS = ("channel", "draw")
 # Settings that silhouettes depend on besides the range; templates depend on the last two.
 LOOKS = (
@@ -282,9 +282,9 @@ def check(choices: Choices) -> Choices:
         require_among(choices, Grid.range, Infrared.range, f", {reason}")
     if classifies_with_both(choices):
         offsets = len(choices[Infrared.subpixel_offsets])
-        if offsets < LEAST_PHASES:
+        if offsets < MIN_PHASES:
             reason = f"the classifier {NAME} weighs the silhouettes of one by those of others"
-            refuse(Infrared.subpixel_offsets, offsets, f"at least {LEAST_PHASES}: {reason}")
+            refuse(Infrared.subpixel_offsets, offsets, f"at least {MIN_PHASES}: {reason}")
         classifier.check_receiver(choices, NAME)
     return choices
 

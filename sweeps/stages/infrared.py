@@ -77,11 +77,11 @@ Bytes = NDArray[np.uint8]
 
 # Noise of one frame [K]. The share that the most frames and the recombination of shifted ones
 # leave, 0.5 / sqrt(10,000), still exceeds the 1e-6 K that matched segmentation resolves.
-LEAST_NEDT = 1e-3
+MIN_NEDT = 1e-3
 
 # Patches of ship are counted, so a pixel that the ship fills may come out a patch or so short of
 # 1, by chance: a rule above this share would drop such pixels at random.
-MOST_COVERAGE = 0.95
+MAX_COVERAGE = 0.95
 
 
 def _help_on_default(grid: Setting) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class Infrared(Settings, key="infrared"):
         library.CONTRAST_AT_ZERO, 0, 1000, "K", "contrast of ship to sea at zero range"
     )
     extinction = quantity(0.181, 0, 10, "dB km-1", "extinction in the air, one way")
-    nedt = quantity(library.NEDT, LEAST_NEDT, 1000, "K", "noise of one frame")
+    nedt = quantity(library.NEDT, MIN_NEDT, 1000, "K", "noise of one frame")
     target_spread = quantity(
         *(library.SPREAD, 0, 1000, "K", "spread of the ship's own temperatures"),
         help="assumed, and decisive at 100 km; per pixel of the detector, and not reduced by "
@@ -125,7 +125,7 @@ class Infrared(Settings, key="infrared"):
     frame_count = count(
         Grid.frame_count,
         low=1,
-        high=views.MOST_FRAMES,
+        high=views.MAX_FRAMES,
         label="infrared frames averaged",
         **_help_on_default(Grid.frame_count),
     )
@@ -141,7 +141,7 @@ class Infrared(Settings, key="infrared"):
     coverage_rule = number(
         Imager.coverage_rule,
         low=0.01,
-        high=MOST_COVERAGE,
+        high=MAX_COVERAGE,
         label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",

@@ -36,7 +36,7 @@ from sweeps.engine.declare.stage import Group
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
-from sweeps.stages.views import IRAR, MOST_FRAMES, SI, STATUS, Grid, Render, looks, quantity
+from sweeps.stages.views import IRAR, MAX_FRAMES, SI, STATUS, Grid, Render, looks, quantity
 
 if TYPE_CHECKING:
     import trimesh
@@ -46,7 +46,7 @@ Values = Mapping[str, Any]  # by dimension
 SENSOR = IRAR
 
 Error = tuple[str, float]
-MOST_WRONG = {  # percent, m/s, degrees
+MAX_ERROR = {  # percent, m/s, degrees
     "aircraft_speed": 50.0,
     "ship_speed": 50.0,
     "aircraft_heading": 30.0,
@@ -63,7 +63,7 @@ OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of
 class Errors(Kind):
     """Errors of recorded flight parameters, one at a time; no error is always among them."""
 
-    fields: tuple[str, ...] = tuple(MOST_WRONG)  # keys that a configuration may give
+    fields: tuple[str, ...] = tuple(MAX_ERROR)  # keys that a configuration may give
 
     @property
     def allowed(self) -> str:
@@ -77,14 +77,14 @@ class Errors(Kind):
             raise ConfigurationError(f"{key} is {value}, but must be {self.allowed}")
         pairs: set[Error] = set()
         for parameter, errors in given.items():
-            if parameter not in MOST_WRONG:
+            if parameter not in MAX_ERROR:
                 raise ConfigurationError(
                     f"{key}.{parameter} is not a key of the configuration; {key} has "
-                    f"{', '.join(MOST_WRONG)}"
+                    f"{', '.join(MAX_ERROR)}"
                 )
             if errors is not None:
-                most = MOST_WRONG[parameter]
-                listed = Number(-most, most).values(f"{key}.{parameter}", errors)
+                limit = MAX_ERROR[parameter]
+                listed = Number(-limit, limit).values(f"{key}.{parameter}", errors)
                 pairs.update((parameter, error) for error in listed if error)
         return (NO_ERROR, *sorted(pairs))
 
@@ -247,7 +247,7 @@ class Irar(Course, Receivers, Passive, key="irar"):
         label="slant range of the proposed sensor that images of flights are converted to",
         help="its other settings are those of ladar",
     )
-    profile_frames = count(16, 1, MOST_FRAMES, label="frames averaged in a synthetic test profile")
+    profile_frames = count(16, 1, MAX_FRAMES, label="frames averaged in a synthetic test profile")
     flown = set_of(
         ships(None, label="ships flown past; the others are only in training; null: all")
     )

@@ -34,8 +34,8 @@ ROWS, COLUMNS = 80, 200  # of the picture
 LIGHT = np.array([0.4, 0.6, 0.69])  # towards the light: right, up, towards the eye
 AMBIENT, KEYLIGHT = 0.3, 0.7
 LEVELS = 255  # of the picture's brightness
-LONGEST_WARNING = 300  # characters
-MOST_LINES = 12  # of ships, on the screen
+MAX_WARNING = 300  # characters
+MAX_LINES = 12  # of ships, on the screen
 
 
 @stage(
@@ -50,7 +50,7 @@ MOST_LINES = 12  # of ships, on the screen
     ),
     Output(
         "warning",
-        dtype=f"U{LONGEST_WARNING}",
+        dtype=f"U{MAX_WARNING}",
         label="what looks wrong with the axes or origin of the mesh; empty: nothing",
     ),
     group=Group(GROUP),
@@ -59,7 +59,7 @@ def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     """Return a ship's measures, its picture, and a warning about its mesh."""
     measures = dict(zip(MEASURES, mesh.extents, strict=True))
     words = warning(mesh.metadata["findings"], mesh.metadata["mend"])
-    counted = {"facets": len(mesh.faces), "warning": words[:LONGEST_WARNING]}
+    counted = {"facets": len(mesh.faces), "warning": words[:MAX_WARNING]}
     return measures | counted | dict(zip(("pixel", "picture"), draw_portrait(mesh), strict=True))
 
 
@@ -114,9 +114,9 @@ def _quote_for_hydra(word: str) -> str:
 def about(choices: Choices) -> list[str]:
     """Return a line for each of the first ships of a sweep, and a line for each warning."""
     ships = [(ship, description(hull(ship))) for ship in choices[Grid.ship]]
-    width = max(len(ship) for ship, _ in ships[:MOST_LINES])
-    lines = [f"{ship:<{width}}  {details.measures}" for ship, details in ships[:MOST_LINES]]
-    if lengths := [details.length for _, details in ships[MOST_LINES:]]:
+    width = max(len(ship) for ship, _ in ships[:MAX_LINES])
+    lines = [f"{ship:<{width}}  {details.measures}" for ship, details in ships[:MAX_LINES]]
+    if lengths := [details.length for _, details in ships[MAX_LINES:]]:
         lines.append(
             f"and {len(lengths)} more ships, {min(lengths):.1f} to {max(lengths):.1f} m long"
         )

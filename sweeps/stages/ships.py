@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ncti.ships import ShipError, Transform, names
-from ncti.ships.loading import LONGEST_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
-from ncti.ships.transform import AXES, FARTHEST, LARGEST_SCALE, SMALLEST_SCALE
+from ncti.ships.loading import MAX_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
+from ncti.ships.transform import AXES, MAX_OFFSET, MAX_SCALE, MIN_SCALE
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Text, Value, Word, quote_value, sorted_values
 from sweeps.engine.declare.settings import (
@@ -43,8 +43,8 @@ class ShipFile(Settings, key="grid.ship"):
     )
     scale = number(
         1.0,
-        low=SMALLEST_SCALE,
-        high=LARGEST_SCALE,
+        low=MIN_SCALE,
+        high=MAX_SCALE,
         label="metres in a unit of the file",
         help="0.001 for millimetres",
         fixed=_ONE,
@@ -52,8 +52,8 @@ class ShipFile(Settings, key="grid.ship"):
     offset = vector(
         [0.0, 0.0, 0.0],
         size=3,
-        low=-FARTHEST,
-        high=FARTHEST,
+        low=-MAX_OFFSET,
+        high=MAX_OFFSET,
         unit="m",
         label="shift forward, to port and up",
         help="after turning and scaling; the origin is amidships on the waterline",
@@ -141,9 +141,9 @@ class Ships(Text):
         ship = ship_name(path)
         if label is None:
             return ShipName(str(ship), ship.source, transform)
-        if not (label.strip() and label.isprintable() and len(label) <= LONGEST_LABEL):
+        if not (label.strip() and label.isprintable() and len(label) <= MAX_LABEL):
             raise ConfigurationError(
-                f"{key}.name is {quote_value(label)}, but must be 1 to {LONGEST_LABEL} printable "
+                f"{key}.name is {quote_value(label)}, but must be 1 to {MAX_LABEL} printable "
                 "characters"
             )
         if _is_path(label):

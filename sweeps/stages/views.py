@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
-MOST_FRAMES = 10_000
+MAX_FRAMES = 10_000
 SHAPES = "it shapes arrays"  # why a setting takes one value only
 
 Arrays = dict[str, NDArray[Any]]
@@ -98,7 +98,7 @@ class Grid(Settings, key="grid"):
     frame_count = count(
         [4, 8, 16, 32],
         1,
-        MOST_FRAMES,
+        MAX_FRAMES,
         label="frames averaged",
         help="averages share their first frames",
         single="dimension",

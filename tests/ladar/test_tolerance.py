@@ -10,7 +10,7 @@ import trimesh
 import ncti.ships
 from ncti.ladar import Beam, extent_within, lines_within, range_extent
 from ncti.ladar.sampling import sampling_error
-from ncti.ladar.tolerance import FINEST, first_spacing
+from ncti.ladar.tolerance import MIN_SPACING, first_spacing
 from ncti.render import View
 
 
@@ -64,7 +64,7 @@ def test_the_bound_is_of_shares_not_of_areas():
 def test_a_tolerance_that_no_lines_meet_takes_the_finest(tolerance):
     box = trimesh.creation.box((2.0, 1.0, 1.0))
     view, options = View(33.0, 3.84), {"pulse_width": 0.0, "tolerance": tolerance}
-    assert lines_within(box, view, **options).spacing == pytest.approx(FINEST, rel=0.2)
+    assert lines_within(box, view, **options).spacing == pytest.approx(MIN_SPACING, rel=0.2)
     extent = extent_within(box, replace(view, slant_range=20e3), **options)
     assert extent.error_after(0.0) > tolerance
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from ncti import ships
 from ncti.render import available_engines, pixels
 from ncti.render.choice import start_engine
-from ncti.render.solid import STEEP, STEEPEST, Solid, covered_columns, sampled_facets, surface
+from ncti.render.solid import MIN_COSINE, STEEP, Solid, covered_columns, sampled_facets, surface
 from ncti.render.view import Lattice, View, clip_matrix
 
 VIEWS = [(0.0, 3.84, None, 0.25), (33.3, 11.0, 4e3, 0.6), (90.0, 0.0, None, 0.25)]
@@ -142,7 +142,7 @@ def test_surface_is_that_of_plain_arrays(slant_range, kind):
         for place, first in ((column, lattice.first_column), (row, lattice.first_row))
     )
     s = n_h * h + n_v * v
-    a = np.maximum(-(n_r + k * s), Long(STEEPEST))
+    a = np.maximum(-(n_r + k * s), Long(MIN_COSINE))
     r = (s - solid.offsets[chosen]) / a
     away = points[2, solid.faces[chosen]]
     r = np.where(a < STEEP, np.clip(r, away.min(axis=1), away.max(axis=1)), r)

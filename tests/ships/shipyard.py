@@ -57,5 +57,5 @@ def refused_sheet(text: str) -> str:
 def sentence(error: Exception) -> str:
     """One short line that any terminal shows."""
     message = str(error)
-    assert message.isprintable() and message.endswith(".") and len(message) <= errors.LONGEST
+    assert message.isprintable() and message.endswith(".") and len(message) <= errors.MAX_MESSAGE
     return message

@@ -39,7 +39,7 @@ def test_message_is_one_short_line_whatever_it_tells() -> None:
     message = str(ships.ShipError("a\n\x1b" + "b" * 10**6 + "."))
     assert message.isprintable()
     assert message.startswith(r"a\n\x1bbbb")
-    assert len(message) == errors.LONGEST
+    assert len(message) == errors.MAX_MESSAGE
 
 
 # Kinds of files and their size

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ncti import ships
 from ncti.ships.orientation import diagnose
-from ncti.ships.transform import AXES, FARTHEST
+from ncti.ships.transform import AXES, MAX_OFFSET
 
 TURNS = [(up, forward) for up in AXES for forward in AXES if up[-1] != forward[-1]]
 ROUNDED = 0.01 * np.sqrt(3) / 2  # offsets are proposed to 0.01 m
@@ -151,7 +151,7 @@ WRONG = [
     ({"offset": [1, 2]}, "offset is [1, 2], but must be 3 numbers."),
     ({"offset": 3}, "offset is 3, but must be 3 numbers."),
     ({"offset": [0, 0, np.inf]}, "offset[2] is inf, but must be"),
-    ({"offset": [0, 2 * FARTHEST, 0]}, "offset[1] is 20000000.0, but must be"),
+    ({"offset": [0, 2 * MAX_OFFSET, 0]}, "offset[1] is 20000000.0, but must be"),
 ]
 
 

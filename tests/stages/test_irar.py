@@ -11,14 +11,14 @@ import ncti.ships
 from ncti.irar import Flight, ship_heading
 from ncti.irar.corrected import navigated_flight
 from ncti.irar.scene import plan_scan
-from sweeps.stages.irar import FLOWN, MOST_WRONG, RECORDED, Irar, flight_of
+from sweeps.stages.irar import FLOWN, MAX_ERROR, RECORDED, Irar, flight_of
 
 # errors ---------------------------------------------------------------------------------------
 
 
 @given(
     st.dictionaries(
-        st.sampled_from(sorted(MOST_WRONG)),
+        st.sampled_from(sorted(MAX_ERROR)),
         st.lists(st.integers(-300, 300), min_size=1, max_size=4, unique=True),
     )
 )

@@ -22,7 +22,7 @@ from sweeps.engine.declare.kinds import (
 )
 from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Joint, Setting
 
-LOWEST, HIGHEST = -(2**63), 2**63 - 1  # whole numbers that a store holds
+MIN_INTEGER, MAX_INTEGER = -(2**63), 2**63 - 1  # whole numbers that a store holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +163,7 @@ def _kind_of_values(listed: list[Any]) -> Kind:
     """Return the kind of values that have one type; else numbers."""
     if listed and all(isinstance(value, np.datetime64) for value in listed):
         return Date(np.datetime_data(listed[0].dtype)[0])
-    numbers = Count(low=LOWEST, high=HIGHEST)
+    numbers = Count(low=MIN_INTEGER, high=MAX_INTEGER)
     kinds: dict[type, Kind] = {bool: Switch(), int: numbers, str: Text(), datetime: Date()}
     fitting = (
         kind
