@@ -15,7 +15,6 @@ KEYWORDS = {  # of functions that users call, and of a scikit-learn estimator
     "studies/operate/identify.py:identify",
     "sweeps/engine/function/sweep.py:sweep",
 }
-LONG = {"ncti/render/pieces.py:bin_pieces"}  # a compiled loop, a sixth slower in parts
 STAGES = {"answers", "in_memory", "plain", "stage"}  # decorators: parameters are inputs by name
 
 
@@ -62,4 +61,4 @@ def test_functions_have_few_parameters():
 
 
 def test_functions_are_short():
-    assert {name for name, node in FOUND.items() if lines(node) > MAX_LINES} == LONG
+    assert not [name for name, node in FOUND.items() if lines(node) > MAX_LINES]

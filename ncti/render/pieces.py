@@ -85,6 +85,14 @@ def down_range(q: Any, x: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
 
 
 @inlined
+def range_and_bin(q: Any, x: Any, y: Any, depths: Depths, per_bin: float) -> tuple[float, float]:
+    """Return the down-range [m] of a point and its place among the bins [bin], limited to them."""
+    r = down_range(q, x, y, depths.curvature, depths.wavefront)
+    place = (r - (depths.edge - ON_EDGE)) * per_bin
+    return r, min(max(place, 0.0), depths.bins - 1e-9)
+
+
+@inlined
 def nearest_place(q: Any, slope: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
     """Return the x of a line through q at x = 0 where a surface is nearest; inf for plane waves."""
     if wavefront == 0.0:
@@ -131,14 +139,18 @@ def cells_reached(
     spacing: float,
     phase: float,
     turn: tuple[float, float],
-    origin: tuple[float, float],
-    shape: tuple[int, int],
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int]:
+    shift: tuple[float, float],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, tuple[float, float], int]:
     """Return the numbers of the cells that pieces may reach, -1 for others, which get no memory.
 
-    Also returns the cells, by rows, in which each piece begins and ends, and the number of cells.
+    Also returns the cells, by rows, in which each piece begins and ends, the number of cells, and
+    of the rectangle that bounds them the lower left corner [cell] and the number of columns.
     """
-    (cos, sin), (columns, rows) = turn, shape
+    cos, sin = turn
+    left, right, bottom, top = bounds_of(line, piece, spacing, phase, turn, shift)
+    corner = np.floor(left), np.floor(bottom)
+    origin = shift[0] - corner[0], shift[1] - corner[1]
+    columns, rows = int(np.floor(right) - corner[0]) + 1, int(np.floor(top) - corner[1]) + 1
     pieces = len(line)
     number = np.full(rows * columns, -1, np.int32)
     first, last = np.empty(pieces, np.int32), np.empty(pieces, np.int32)
@@ -161,14 +173,17 @@ def cells_reached(
         if number[c] == 0:
             number[c] = cells
             cells += 1
-    return number, first, last, cells
+    return number, first, last, cells, corner, columns
 
 
 @compiled
 def cells_seen(
     number: NDArray[np.int32], area: Floats, corner: tuple[float, float], columns: int, least: float
 ) -> tuple[NDArray[np.int64], Floats]:
-    """Return the cells with more than the least area, by rows, and their area by range bin."""
+    """Return the cells with more than the least area, by rows, and their area by range bin.
+
+    Rounding alone may give area to others.
+    """
     count = 0
     for c in range(len(number)):
         if number[c] >= 0:
@@ -221,9 +236,10 @@ def cell_exit(
 
 @inlined
 def spread_over(
-    area: Floats, into: Any, strands: Floats, strand: Any, share: float, near: float, far: float
+    area: Floats, into: Any, strands: Floats, strand: Any, share: float, before: float, after: float
 ) -> None:
     """Add an area evenly to the bins of a cell and a strand between two ranges [bin]."""
+    near, far = min(before, after), max(before, after)
     m, n = int(near), int(far)
     if m == n:
         area[into, m] += share
@@ -301,17 +317,13 @@ def bin_pieces(
     4) has begin and end along it, and q = r/w there; `weight` (piece,) is the area of a metre of
     piece. Area beyond the bins counts in the first and the last.
     """
-    curvature, wavefront, edge, bin_width, bins = depths
-    per_bin, last_bin = 1.0 / bin_width, bins - 1e-9
-    edge -= ON_EDGE
-    cos, sin = grid.turn[0] / grid.side, grid.turn[1] / grid.side
-    left, right, bottom, top = bounds_of(line, piece, spacing, phase, (cos, sin), grid.shift)
-    left, bottom = np.floor(left), np.floor(bottom)
-    from_left, from_bottom = grid.shift[0] - left, grid.shift[1] - bottom
-    columns, rows = int(np.floor(right) - left) + 1, int(np.floor(top) - bottom) + 1
-    number, first, last, cells = cells_reached(
-        line, piece, spacing, phase, (cos, sin), (from_left, from_bottom), (columns, rows)
+    curvature, wavefront, _, bin_width, bins = depths
+    per_bin = 1.0 / bin_width
+    turn = (grid.turn[0] / grid.side, grid.turn[1] / grid.side)
+    number, first, last, cells, corner, columns = cells_reached(
+        line, piece, spacing, phase, turn, grid.shift
     )
+    origin = (grid.shift[0] - corner[0], grid.shift[1] - corner[1])
     area, strands = np.zeros((cells, bins)), np.zeros((STRANDS, bins))
     reach = 0.0
     # End of the previous piece: four pieces of five begin where the one before ended.
@@ -326,17 +338,14 @@ def bin_pieces(
         low = begin
         if not (begin == x and piece[p, 2] == q and y == y_before):
             q = piece[p, 2]
-            r = down_range(q, low, y, curvature, wavefront)
+            r, before = range_and_bin(q, low, y, depths, per_bin)
             reach = max(reach, abs(r))
-            before = min(max((r - edge) * per_bin, 0.0), last_bin)
         y_before = y
         nearest = nearest_place(piece[p, 2] - slope * begin, slope, y, curvature, wavefront)
         while True:
             high, onward = end, goal
             if current != goal:
-                high, onward = cell_exit(
-                    current, goal, columns, y, (cos, sin), (from_left, from_bottom)
-                )
+                high, onward = cell_exit(current, goal, columns, y, turn, origin)
                 high = min(max(high, low), end)
             into = number[current]
             # Range falls along a line up to its nearest place, and then grows.
@@ -344,15 +353,12 @@ def bin_pieces(
             while True:
                 start = (low, before, r, q, slope)
                 q = piece[p, 3] if x >= end else piece[p, 2] + slope * (x - begin)
-                r = down_range(q, x, y, curvature, wavefront)
+                r, after = range_and_bin(q, x, y, depths, per_bin)
                 reach = max(reach, abs(r))
-                after = min(max((r - edge) * per_bin, 0.0), last_bin)
                 if wavefront > 0.0:
                     spread_along(area, into, strands, strand, weight[p], start, (x, after), depths)
                 else:
-                    share = (x - low) * weight[p]
-                    near, far = min(before, after), max(before, after)
-                    spread_over(area, into, strands, strand, share, near, far)
+                    spread_over(area, into, strands, strand, (x - low) * weight[p], before, after)
                 before, low = after, x
                 if x == high:
                     break
@@ -360,6 +366,5 @@ def bin_pieces(
             if current == goal:
                 break
             current = onward
-    # Drop the cells that rounding alone has filled.
-    cell, cell_area = cells_seen(number, area, (left, bottom), columns, NOTHING * spacing**2)
+    cell, cell_area = cells_seen(number, area, corner, columns, NOTHING * spacing**2)
     return cell, cell_area, strands, reach
