@@ -24,7 +24,7 @@ from sweeps.engine.run.tasks import drop_objects, run_batches
 
 
 def check_pure(
-    experiment: Experiment, choices: Choices, *, most: int = MAX_TASK_CELLS
+    experiment: Experiment, choices: Choices, *, max_cells: int = MAX_TASK_CELLS
 ) -> Counter[str]:
     """Return the number of cells of each stage that are equal when computed again, alone.
 
@@ -38,7 +38,7 @@ def check_pure(
         Its stages; outputs whose role is `MEASURED` may differ.
     choices : Choices
         Values of its settings, as `sweeps.engine.declare.settings.read_choices` makes them.
-    most : int
+    max_cells : int
         Cells of a stage that are computed again, spread evenly over all its cells.
 
     Raises
@@ -58,7 +58,7 @@ def check_pure(
         for bound, results in schedule.results.items():
             cells = np.flatnonzero(results >= 0)
             cells = cells[schedule.locations[results[cells]].present].tolist()
-            for cell in cells[:: max(1, -(-len(cells) // most))]:
+            for cell in cells[:: max(1, -(-len(cells) // max_cells))]:
                 compared[bound.name] += 1
                 if difference := _difference(schedule, index, bound, cell):
                     name = schedule.plan.cell_name(bound, cell)

@@ -61,12 +61,12 @@ def _other_settings(frame: Frame, rivals: Sequence[Rival]) -> str:
     return f"The others at {', '.join(listed)}, where it applies." if listed else ""
 
 
-def thin_lines(lines: Sequence[Line], most: int) -> list[Line]:
-    """Return at most `most` rows, evenly spaced, including the first and the last."""
-    if len(lines) <= most:
+def thin_lines(lines: Sequence[Line], count: int) -> list[Line]:
+    """Return at most `count` rows, evenly spaced, including the first and the last."""
+    if len(lines) <= count:
         return list(lines)
-    step = (len(lines) - 1) / (most - 1)
-    return [lines[round(step * index)] for index in range(most)]
+    step = (len(lines) - 1) / (count - 1)
+    return [lines[round(step * index)] for index in range(count)]
 
 
 def _axis_table(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:

@@ -51,13 +51,13 @@ def accuracy_sentences(store: Any) -> list[str]:
 
 
 def headline_for_script(
-    frames: Mapping[str, Frame], attributes: Mapping[str, Any], most: int
+    frames: Mapping[str, Frame], attributes: Mapping[str, Any], max_rows: int
 ) -> dict[str, Any] | None:
     """Return the data from which the page's script writes the headline of another selection.
 
     None for a store without scores, or with more rows than the page has.
     """
-    if SCORES not in frames or len(frames[SCORES].rows) > most:
+    if SCORES not in frames or len(frames[SCORES].rows) > max_rows:
         return None
     frame = main_frame(frames)
     figure, axes = frame.figures[0], frame.columns_of_role("axis")

@@ -87,7 +87,7 @@ def report(
         return blocked + write_tables(path, frames.values())
     finally:
         with buffered_console(console) as aside:
-            print_table(lay_out(selected, swept_axes(path)), aside, most=None)
+            print_table(lay_out(selected, swept_axes(path)), aside, max_rows=None)
             shared = ", ".join(
                 f"{words} {text}" for words, text in constant_values(selected).items()
             )
@@ -119,7 +119,7 @@ def report_comparison(
     selected = None if table is None else select_table(compared.frames, table)
     with buffered_console(console) as aside:
         if selected is not None:
-            print_table(lay_out(selected, swept_axes(first)), aside, most=None)
+            print_table(lay_out(selected, swept_axes(first)), aside, max_rows=None)
         else:
             _print_changes(compared, aside, html=html)
     if not compared.frames:

@@ -16,7 +16,7 @@ from sweeps.report.screen import plain_text, print_note
 GAP = 2  # blanks between columns
 MAX_LABEL_WIDTH, MAX_FIGURE_WIDTH, MIN_WIDTH = 26, 40, 4  # of a column, in characters
 FOLDED = 16  # of a single column of labels that folds, so that all figures fit
-MOST = 60  # rows of a table; its file has all
+MAX_ROWS = 60  # rows of a table; its file has all
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class _Column:
     right: bool = False
 
 
-def print_table(table: Table, console: Console, *, most: int | None = MOST) -> None:
+def print_table(table: Table, console: Console, *, max_rows: int | None = MAX_ROWS) -> None:
     """Print a table and its notes, no wider than the console.
 
     Axes that do not fit as columns of labels become headings of sections, and figures that do not
@@ -36,7 +36,7 @@ def print_table(table: Table, console: Console, *, most: int | None = MOST) -> N
     """
     console.print()
     print_note(table.title, console, style="bold")
-    lines = table.lines[:most]
+    lines = table.lines[:max_rows]
     texts = [[entry_text(cell) for cell in line.cells] for line in lines]
     labels, figures = _make_columns(table, lines)
     beside = _fitting_labels(labels, figures, console.width)

@@ -33,9 +33,9 @@ def failing(size):
     return size
 
 
-def checked(experiment, most=10**9, **values):
+def checked(experiment, max_cells=10**9, **values):
     """How many cells of each stage were compared."""
-    return check_pure(experiment, read_choices(experiment.declared, values), most=most)
+    return check_pure(experiment, read_choices(experiment.declared, values), max_cells=max_cells)
 
 
 def test_reproducible_cells_are_computed_twice():

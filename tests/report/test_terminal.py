@@ -23,9 +23,9 @@ DISPLAY, *_ = score_displays(
 )
 
 
-def printed(frame, width, swept=(), most=None):
+def printed(frame, width, swept=(), max_rows=None):
     console = Console(file=io.StringIO(), width=width)
-    print_table(lay_out(frame, swept), console, most=most)
+    print_table(lay_out(frame, swept), console, max_rows=max_rows)
     return console.file.getvalue()
 
 
@@ -71,7 +71,7 @@ def test_the_swept_axis_comes_first():
 def test_rows_that_are_left_out_are_counted():
     frame = tidy_frame(scores(cnr=[20.0, 30.0], frame_count=[4, 8, 16]), DISPLAY, "tables/acn")
     assert len(lay_out(frame).lines) == 6
-    assert "4 more rows are in scores.csv" in printed(frame, 120, most=2)
+    assert "4 more rows are in scores.csv" in printed(frame, 120, max_rows=2)
 
 
 def test_nothing_is_read_as_markup_and_chance_is_said():

@@ -11,7 +11,7 @@ from sweeps.experiment import EXPERIMENT, MODULES, stages_of
 from sweeps.testing import check_pure
 
 SWEEPS = yaml.safe_load(Path(__file__).with_name("company.yaml").read_text())
-MOST = 4  # cells of a stage that are computed alone
+MAX_CELLS = 4  # cells of a stage that are computed alone
 
 
 def of_new_sensors(compared):
@@ -35,7 +35,7 @@ def test_every_value_is_the_same_alone_and_in_company():
                 for bound, axes in Plan(EXPERIMENT, choices).along_strides.items()
                 if axes
             }
-            counts = check_pure(EXPERIMENT, choices, most=MOST)
+            counts = check_pure(EXPERIMENT, choices, max_cells=MAX_CELLS)
             compared.update({name: cells for name, cells in counts.items() if name in names})
     together = {stage.name for stage in EXPERIMENT.stages if stage.along}
     assert len(together) > 10

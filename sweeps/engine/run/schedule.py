@@ -60,9 +60,9 @@ class ReadyCalls:
     def __len__(self) -> int:
         return len(self.stage) - self.position
 
-    def next_calls(self, most: int) -> tuple[BoundStage, Indices]:
+    def next_calls(self, limit: int) -> tuple[BoundStage, Indices]:
         """Return the stage of the next calls, and the bounds of their cells."""
-        calls = self.stage[self.position : self.position + most]
+        calls = self.stage[self.position : self.position + limit]
         count = int(np.argmax(np.append(calls != calls[0], True)))
         return self.stages[calls[0]], self.begins[self.position : self.position + count + 1]
 
@@ -169,12 +169,12 @@ class CallQueue:
             yield bound, cells
 
     def _take_calls(
-        self, block: ReadyCalls, costs: Mapping[str, float], size: float, most: int, is_first: bool
+        self, block: ReadyCalls, costs: Mapping[str, float], size: float, limit: int, is_first: bool
     ) -> Iterator[Call]:
-        """Remove and yield calls of one stage that fill `size` seconds, or `most` cells."""
-        bound, ends = block.next_calls(most)
+        """Remove and yield calls of one stage that fill `size` seconds, or `limit` cells."""
+        bound, ends = block.next_calls(limit)
         offsets = (ends - ends[0])[:-1]
-        count = int(np.count_nonzero((offsets * costs[bound.name] < size) & (offsets < most)))
+        count = int(np.count_nonzero((offsets * costs[bound.name] < size) & (offsets < limit)))
         count = max(count, int(is_first))  # at least one, even if a damaged index has wrong costs
         self._drop_calls(count)
         self.load[bound] -= int(ends[count] - ends[0])

@@ -24,7 +24,7 @@ from sweeps.report.stores import attributes, opened
 from sweeps.report.words import is_missing, preferred_value
 from sweeps.report.work import NAME as WORK
 
-MOST = 4_000  # rows of a table; the CSV file has all
+MAX_ROWS = 4_000  # rows of a table; the CSV file has all
 CHARTED = 32_000  # rows of a table that its charts have
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
@@ -166,7 +166,7 @@ def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]
     order = [frame.columns[name].axis for name in (against,) if name in frame.columns]
     table = lay_out(frame, [*order, *swept])
     lines = []
-    for line in table.lines[:MOST]:
+    for line in table.lines[:MAX_ROWS]:
         labels = [cell.row for cell in line.cells if cell.row is not None]
         lines.append((line, bool(chosen.intersection(labels)), labels[0] if labels else 0))
     return {
