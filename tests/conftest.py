@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 from once import made_once, sharing_ships
-from platformdirs import user_cache_path
 
 # The first example of a test may import a library, which takes longer than a deadline allows.
 settings.register_profile("untimed", deadline=None, max_examples=50)
@@ -19,9 +18,9 @@ for room in ("engine", "sweeps", "convergence", "report"):  # whose modules othe
 
 
 @pytest.fixture(scope="session")
-def cache() -> Path:
-    """Cache of all tests, whose meshes sweeps share: ships are built once."""
-    return user_cache_path("ncti-sweep")
+def cache(tmp_path_factory) -> Path:
+    """Cache of a run's sweeps, empty of earlier runs' results; ships are built once for all."""
+    return sharing_ships(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture(scope="session")

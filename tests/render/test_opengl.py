@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from platformdirs import user_cache_path
 from running import python
 
 from ncti.render.choice import available_engines
@@ -49,8 +50,8 @@ range_image(trimesh.creation.box((10, 4, 2)), aspect=30, depression=10, engine="
 
 
 @needs_osmesa
-def test_mesa_maps_no_cache_of_shaders_which_a_full_disk_would_make_fatal(tmp_path, cache):
-    (tmp_path / "ncti-sweep").symlink_to(cache)  # with its compiled loops
+def test_mesa_maps_no_cache_of_shaders_which_a_full_disk_would_make_fatal(tmp_path):
+    (tmp_path / "ncti-sweep").symlink_to(user_cache_path("ncti-sweep"))  # with its compiled loops
     places = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     places.pop("MESA_SHADER_CACHE_DISABLE", None)
     subprocess.run([sys.executable, "-c", DRAW], env=places, check=True, timeout=120)
