@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LEAST = 3
+MIN_ROUNDS = 3
 """Least number of rounds, whatever the limit."""
 
 
@@ -35,7 +35,7 @@ def time_in_turn(
     """
     seconds = np.empty((repeats + 1, len(calls)))
     for turn in range(repeats + 1):
-        if turn > LEAST and seconds[:turn].sum() >= limit:
+        if turn > MIN_ROUNDS and seconds[:turn].sum() >= limit:
             return seconds[1:turn]
         for k, call in list(enumerate(calls))[:: (-1) ** turn]:
             start = time.process_time()

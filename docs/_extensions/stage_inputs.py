@@ -16,7 +16,7 @@ from sweeps.stages import infrared, ladar, views
 TABLE = Path(__file__).resolve().parents[1] / "tables" / "stage_inputs.csv"
 SI = {"km": "m", "ns": "s", "urad": "rad", "um": "m", "dB km-1": "dB m-1"}
 TYPES = {Count: "int", Draws: "int", Number: "float", Switch: "bool"}
-MOST = 4  # arrays that are listed
+MAX_OUTPUTS = 4  # arrays that are listed
 OBJECTS = {  # what holds several arrays: these, their shapes, and their units
     "Hull": ("`sweeps.stages.meshes.Hull`: `source`, `digest`, `transform`", ""),
     "trimesh.Trimesh": ("`trimesh.Trimesh`: `vertices` (n, 3), `faces` (m, 3)", "m, ship frame"),
@@ -67,7 +67,7 @@ def stage_row(stage: Stage) -> tuple[str, str, str, str]:
     if not stage.outputs:
         words = returned.replace(" | ", " or ") or "pairs of a keyword and its value"
         return f"`{stage.name}`", words, match[2].replace("deg", "degree") if match else "", meaning
-    if len(stage.outputs) > MOST:
+    if len(stage.outputs) > MAX_OUTPUTS:
         return f"`{stage.name}`", "packed arrays, of which other stages make an object", "", meaning
     several = len(stage.outputs) > 1
     arrays = [

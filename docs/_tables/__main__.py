@@ -137,7 +137,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    for option, least in (("seeds", results.LEAST_SEEDS), ("most", scale.LEAST_VIEWS)):
+    for option, least in (("seeds", results.MIN_SEEDS), ("most", scale.MIN_VIEWS)):
         if (value := getattr(options, option)) < least:
             parser.error(f"--{option} is {value}, but must be at least {least}")
     for ship in ncti.ships.names():
@@ -187,9 +187,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--most",
         type=int,
-        default=scale.MOST,
+        default=scale.MAX_VIEWS,
         metavar="N",
-        help=f"scale: largest number of views ({scale.MOST})",
+        help=f"scale: largest number of views ({scale.MAX_VIEWS})",
     )
     parser.add_argument(
         "--write",

@@ -50,7 +50,7 @@ from docs._tables.sweeping import WORKERS, sweep_groups
 from studies.operate.fleets import ARTICLE
 from sweeps.engine.run.cluster import ClusterChoice
 
-SEEDS, LEAST_SEEDS = 20, 2
+SEEDS, MIN_SEEDS = 20, 2
 DRAWS = 10  # of slow sweeps: trainings of the multilayered network, and flights
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 

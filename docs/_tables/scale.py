@@ -39,8 +39,8 @@ DRAWN_AT_RANGES = (35, 541, 6140)
 
 LEARNED, RANDOM = "all learned", f"every {SPACING}° learned"
 AT_RANGES = f"{RANDOM}, {len(RANGES)} ranges"
-MOST = 12_000  # views of a sweep, unless asked otherwise
-LEAST_VIEWS = 1_300  # so that there is a sweep of each kind
+MAX_VIEWS = 12_000  # views of a sweep, unless asked otherwise
+MIN_VIEWS = 1_300  # so that there is a sweep of each kind
 
 # Columns of stages; all others share one.
 STAGES = {"seen_extent": "extent", "averaged": "averages", "correlation": "matching"}
@@ -66,7 +66,7 @@ COLUMNS = (
 )
 
 
-def measure(*, most: int = MOST, scene: Sequence[str] = SCENE) -> Report:
+def measure(*, most: int = MAX_VIEWS, scene: Sequence[str] = SCENE) -> Report:
     """Measure sweeps of six ships by the laser radar at growing numbers of views.
 
     Parameters

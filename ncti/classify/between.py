@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require_all, require_labels
 
 CIRCLE = 360.0  # deg
-LEAST_CURVED = 3  # templates of a label needed for a curvature along aspect
+MIN_CURVED = 3  # templates of a label needed for a curvature along aspect
 
 Floats = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ def alternate_templates(
     names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
     for _, rows in rows_by_label(names, aspects):
-        if len(rows) >= 2 * LEAST_CURVED - 1:
+        if len(rows) >= 2 * MIN_CURVED - 1:
             left_out[rows[1::2]] = True
     distance = separation(aspects[left_out][:, None], aspects[~left_out])
     distance[names[left_out][:, None] != names[~left_out]] = np.inf
@@ -176,7 +176,7 @@ def _parabolas(
     slope = (left * behind[:, None] + right * before[:, None]) / total
     bend = 2 * (right - left) / total
     if not closed:
-        if len(means) >= LEAST_CURVED:
+        if len(means) >= MIN_CURVED:
             bend[0], bend[-1] = bend[1], bend[-2]
         else:  # so that bend h^2 / 2 is half the difference of the two templates
             bend = rise[[0, 0]] / behind[0]

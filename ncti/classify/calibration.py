@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FRESH = 1 / 12  # mean squared distance of a new aspect, over the one of a held-out template
 NEARBY = 15.0  # standard deviation of the weight of answers by their distance in aspect [deg]
 ANYWHERE = 0.05  # weight of answers at any distance, relative to those at the same aspect
-LEAST_OUTLIERS = 1e-6
+MIN_OUTLIERS = 1e-6
 CERTAIN = 0.999  # largest outlier fraction at a held-out aspect
 BISECTIONS = 40
 STEPS = np.geomspace(1e-4, 1e10, 31)
@@ -101,7 +101,7 @@ def likely_outlier_fraction(
     answers = np.append(probability, [1.0, 0.0])
     lost = 1 / labels - answers
     rise = weights * lost
-    low, high = (np.full(weights.shape[:-1], end) for end in (LEAST_OUTLIERS, 1.0))
+    low, high = (np.full(weights.shape[:-1], end) for end in (MIN_OUTLIERS, 1.0))
     for _ in range(BISECTIONS):
         middle = np.sqrt(low * high)
         rising = (rise / (answers + middle[..., None] * lost)).sum(axis=-1) > 0

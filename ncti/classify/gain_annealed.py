@@ -19,9 +19,9 @@ from ncti.classify.back_propagation import Layer, Network
 from ncti.classify.constraints import Interval, StrOptions, fit_context
 
 # Within these bounds no product of weights, gains and inputs overflows float64 in training.
-LARGEST_INPUT = 1e100
-LARGEST_GAIN = 1e6
-LARGEST_RATE = 1e3
+MAX_INPUT = 1e100
+MAX_GAIN = 1e6
+MAX_RATE = 1e3
 
 Floats = NDArray[np.float64]
 
@@ -155,10 +155,10 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         "grow_every": [Interval(Integral, 1, None, closed="left")],
         "tolerance": [Interval(Real, 0, 1, closed="neither")],
         "epochs": [Interval(Integral, 1, None, closed="left")],
-        "learning_rate": [Interval(Real, 0, LARGEST_RATE, closed="right")],
+        "learning_rate": [Interval(Real, 0, MAX_RATE, closed="right")],
         "annealing": ["boolean"],
-        "initial_gain": [Interval(Real, 1 / LARGEST_GAIN, LARGEST_GAIN, closed="both")],
-        "final_gain": [Interval(Real, 1 / LARGEST_GAIN, LARGEST_GAIN, closed="both")],
+        "initial_gain": [Interval(Real, 1 / MAX_GAIN, MAX_GAIN, closed="both")],
+        "final_gain": [Interval(Real, 1 / MAX_GAIN, MAX_GAIN, closed="both")],
         "scaling": [StrOptions({"none", "common", "standard"})],
         "random_state": ["random_state"],
     }
@@ -319,7 +319,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         """Return the scaled inputs of the hidden layer, kept finite if the scale is tiny."""
         with np.errstate(over="ignore"):
             inputs = (vectors - self.centre_) / self.scale_
-        return np.clip(inputs, -LARGEST_INPUT, LARGEST_INPUT)
+        return np.clip(inputs, -MAX_INPUT, MAX_INPUT)
 
     def _level(self, cycle: int) -> float:
         """Return the gain level of a cycle."""
@@ -331,7 +331,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
 
 def _require_moderate(vectors: Floats) -> None:
     """Raise `ValueError` if a number in X is too large for the training to stay finite."""
-    require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=LARGEST_INPUT)
+    require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=MAX_INPUT)
 
 
 def _centre_and_scale(vectors: Floats, scaling: str) -> tuple[Floats, Floats]:

@@ -31,7 +31,7 @@ from ncti.classify.fusion import label_posterior
 UNKNOWN_ERROR = 1.0  # with too few templates to leave some out: the residual's full scale
 CALIBRATED_AT = 16  # frames in the averages used for calibration
 WITHIN = 1e-4, 1e2  # bounds of the template error
-WIDEST = 1e6  # of any prior: flat compared to the likelihood, with a finite square
+MAX_PRIOR = 1e6  # of any prior: flat compared to the likelihood, with a finite square
 
 Floats = NDArray[np.float64]
 
@@ -136,10 +136,10 @@ class GaussianTemplates(BaseEstimator):
     """
 
     _parameter_constraints: ClassVar[dict] = {
-        "gain_sigma": [Interval(Real, 0, WIDEST, closed="both")],
-        "floor_sigma": [Interval(Real, 0, WIDEST, closed="both")],
-        "diagonal_loading": [Interval(Real, 0, WIDEST, closed="both")],
-        "template_error": [Interval(Real, 0, WIDEST, closed="both"), None],
+        "gain_sigma": [Interval(Real, 0, MAX_PRIOR, closed="both")],
+        "floor_sigma": [Interval(Real, 0, MAX_PRIOR, closed="both")],
+        "diagonal_loading": [Interval(Real, 0, MAX_PRIOR, closed="both")],
+        "template_error": [Interval(Real, 0, MAX_PRIOR, closed="both"), None],
     }
 
     def __init__(
@@ -304,8 +304,8 @@ class GaussianTemplates(BaseEstimator):
         check_is_fitted(self)
         samples, frames = checked_averages(X, frame_count, self.mean_.shape[2])
         deviations = self.gain_sigma if gain_sigma is None else gain_sigma
-        gains = require_all("gain_sigma", deviations, minimum=0, maximum=WIDEST)
-        floors = require_all("floor_sigma", self.floor_sigma, minimum=0, maximum=WIDEST)
+        gains = require_all("gain_sigma", deviations, minimum=0, maximum=MAX_PRIOR)
+        floors = require_all("floor_sigma", self.floor_sigma, minimum=0, maximum=MAX_PRIOR)
         pairs = np.stack([gains.ravel(), np.full(gains.size, floors)], axis=1)
         result = np.empty((len(pairs), len(samples), len(self.mean_)))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -344,9 +344,9 @@ class GaussianTemplates(BaseEstimator):
             If the count is below 1 or the deviation is out of range.
         """
         check_is_fitted(self)
-        require("frame_count", frame_count, minimum=1, maximum=WIDEST)
+        require("frame_count", frame_count, minimum=1, maximum=MAX_PRIOR)
         gain = self.gain_sigma if gain_sigma is None else gain_sigma
-        require("gain_sigma", gain, minimum=0, maximum=WIDEST)
+        require("gain_sigma", gain, minimum=0, maximum=MAX_PRIOR)
         frames, priors = np.array([float(frame_count)]), np.array([[gain, self.floor_sigma]])
         peaks = (
             self.density(t, self.mean_[t], np.repeat(frames, self.mean_.shape[1]), priors).max()

@@ -24,7 +24,7 @@ MIN_EXTENT, MAX_EXTENT = 1.0, 1000.0  # extent of anything that may pass for a s
 
 UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 UNITS["kilometres"] = 1000.0
-SHORTEST_SHIP, LONGEST_SHIP = 10.0, 460.0  # [m]; bounds for guessing the unit
+MIN_SHIP_LENGTH, MAX_SHIP_LENGTH = 10.0, 460.0  # [m]; bounds for guessing the unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +145,7 @@ def _check_size(extent: float, scale: float, where: str) -> None:
     guesses = ", ".join(
         f"scale: {scale * unit:g} makes it {extent * unit:.4g} m if it is in {name}"
         for name, unit in UNITS.items()
-        if SHORTEST_SHIP <= extent * unit <= LONGEST_SHIP and scale == 1.0
+        if MIN_SHIP_LENGTH <= extent * unit <= MAX_SHIP_LENGTH and scale == 1.0
     )
     unit_note = "in its own unit" if scale == 1.0 else f"with scale {scale:g}"
     raise ShipError(

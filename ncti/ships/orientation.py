@@ -24,7 +24,7 @@ SHORT = 0.5  # length of the lowest sections over that of the highest, below whi
 FINER = 1.3  # ratio of sections at both ends from which the finer one is taken as the bow
 OFF_CENTRE = 0.25  # distance of the origin from the middle, of length or beam
 AFLOAT = 0.005  # height of the lowest point above the water, of the height, that rounding leaves
-LEAST_LIFT = 0.005  # least height [m] reported, as offsets are rounded to 0.01 m
+MIN_LIFT = 0.005  # least height [m] reported, as offsets are rounded to 0.01 m
 KEEL = 0.75  # area of the lowest section over that of one higher, below which the lowest is a keel
 DRAUGHT = 1 / 3  # of the beam, where it is not known
 
@@ -131,7 +131,7 @@ def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Float
     if abs(middle[1]) > OFF_CENTRE * beam:
         shift[1] = -middle[1]
         findings.append(f"has its origin {_distance(middle[1])} off its centreline")
-    if high[2] <= 0 or low[2] > max(AFLOAT * height, LEAST_LIFT):
+    if high[2] <= 0 or low[2] > max(AFLOAT * height, MIN_LIFT):
         shift[2] = -low[2]
         findings += _height_finding(low[2], high[2], up)
     if low[2] + shift[2] >= -AFLOAT * height and _has_keel(vertices, faces):
@@ -161,7 +161,7 @@ def _height_finding(low: float, high: float, up: str) -> list[str]:
         low, high = -high, -low
     if high <= 0:
         return ["lies wholly under water"]
-    return [f"floats {_distance(low)} above the water"] if low > LEAST_LIFT else []
+    return [f"floats {_distance(low)} above the water"] if low > MIN_LIFT else []
 
 
 def _distance(metres: float) -> str:

@@ -22,7 +22,7 @@ def test_sweeps_have_as_many_views_as_they_say(kind, views, aspects):
 
 
 def test_every_kind_has_a_sweep_of_the_least_number_of_views():
-    kinds = {kind for kind, views, _ in scale.grids() if views <= scale.LEAST_VIEWS}
+    kinds = {kind for kind, views, _ in scale.grids() if views <= scale.MIN_VIEWS}
     assert kinds == {scale.LEARNED, scale.RANDOM}
     with pytest.raises(SystemExit):
-        command.main(["scale", "--most", str(scale.LEAST_VIEWS - 1)])
+        command.main(["scale", "--most", str(scale.MIN_VIEWS - 1)])
