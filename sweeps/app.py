@@ -99,8 +99,8 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
     from sweeps.report.work import write_work
     from sweeps.stages.irar import Irar
-    from sweeps.stages.meshes import hull, read_mesh
-    from sweeps.stages.views import Grid, looks
+    from sweeps.stages.meshes import mesh_source, read_mesh
+    from sweeps.stages.views import Grid, uses_sensor
 
     kept_files: list[Path] = []
     if finished.written:
@@ -112,13 +112,13 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
         with _reporting_errors():  # the tables are complete without it
             kept_files += write_store_page(store, frames)
     kept_files += finish(store, frames, stdout_console())
-    if looks("irar")(choices) and choices.value(Irar.pictures):
+    if uses_sensor("irar")(choices) and choices.value(Irar.pictures):
         from sweeps.report.pictures import write_pictures
 
         ships = {str(ship): ship for ship in choices[Grid.ship]}
         with _reporting_errors():
             kept_files += write_pictures(
-                store, stdout_console(), ship=lambda label: read_mesh(hull(ships[label]))
+                store, stdout_console(), ship=lambda label: read_mesh(mesh_source(ships[label]))
             )
     if kept_files:
         raise SweepIncomplete(blocked_sentence(list(dict.fromkeys(kept_files))))

@@ -69,7 +69,7 @@ def load_installed_modules() -> tuple[ModuleType, ...]:
             package = entry.dist.name if entry.dist else "a package"
             raise DeclarationError(
                 f"{package} has the entry point {entry.name} of {ENTRY_POINTS}, but {entry.value} "
-                f"cannot be imported: {error}; mend it or uninstall {package}"
+                f"cannot be imported: {error}; fix it or uninstall {package}"
             ) from error
     return tuple(modules)
 
@@ -98,7 +98,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
             return choices.replace(Render.engine, views.drawing_engines(choices))
 
     def attributes(choices: Choices) -> dict[str, Any]:
-        digests = {str(ship): meshes.hull(ship).digest for ship in choices[Grid.ship]}
+        digests = {str(ship): meshes.mesh_source(ship).digest for ship in choices[Grid.ship]}
         transforms = {str(ship): str(ship.transform) for ship in choices[Grid.ship]}
         nonempty = {label: words for label, words in transforms.items() if words}
         return {"mesh_digests": digests} | ({"mesh_transforms": nonempty} if nonempty else {})

@@ -18,7 +18,7 @@ SI = {"km": "m", "ns": "s", "urad": "rad", "um": "m", "dB km-1": "dB m-1"}
 TYPES = {Count: "int", Draws: "int", Number: "float", Switch: "bool"}
 MAX_OUTPUTS = 4  # arrays that are listed
 OBJECTS = {  # what holds several arrays: these, their shapes, and their units
-    "Hull": ("`sweeps.stages.meshes.Hull`: `source`, `digest`, `transform`", ""),
+    "MeshSource": ("`sweeps.stages.meshes.MeshSource`: `name`, `digest`, `transform`", ""),
     "trimesh.Trimesh": ("`trimesh.Trimesh`: `vertices` (n, 3), `faces` (m, 3)", "m, ship frame"),
     "RangeImage | LineImage | Mask": (
         "`ncti.render.RangeImage`: `down_range`, `hit`, `cos_incidence` (row, col); of lines "

@@ -43,7 +43,7 @@ MAX_VIEWS = 12_000  # views of a sweep, unless asked otherwise
 MIN_VIEWS = 1_300  # so that there is a sweep of each kind
 
 # Columns of stages; all others share one.
-STAGES = {"seen_extent": "extent", "averaged": "averages", "correlation": "matching"}
+STAGES = {"offset_extent": "extent", "averaged": "averages", "correlation": "matching"}
 
 COLUMNS = (
     Column("kind", "views"),

@@ -51,10 +51,10 @@ from sweeps.engine.declare.stage import (
     stage,
 )
 from sweeps.stages import meshes
-from sweeps.stages.meshes import Hull
+from sweeps.stages.meshes import MeshSource
 from sweeps.stages.refusals import refuse
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import SHAPES, Arrays, Floats, Grid, looks
+from sweeps.stages.views import SHAPES, Arrays, Floats, Grid, uses_sensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,7 +113,7 @@ class Benchmark(Settings, key="benchmark"):
 WORDS = {Benchmark.classifier: "ENTRIES"}
 USED = (Benchmark, Grid, Run)
 DIMS = (Benchmark.split.name, Run.seed.name)
-TESTS = Group(f"{SENSOR}/tests", looks(SENSOR), USED, DIMS)
+TESTS = Group(f"{SENSOR}/tests", uses_sensor(SENSOR), USED, DIMS)
 
 
 # Rows
@@ -126,9 +126,9 @@ def learned_split(split: str) -> str:
 
 
 @plain()
-def unknown_hulls() -> tuple[Hull, ...]:
+def unknown_mesh_sources() -> tuple[MeshSource, ...]:
     """Return the sources of the ships absent from training."""
-    return tuple(meshes.hull(ShipName(name, name)) for name in OUTSIDERS.values())
+    return tuple(meshes.mesh_source(ShipName(name, name)) for name in OUTSIDERS.values())
 
 
 # Coordinates of rows, attributes of their data set, and their profiles.
@@ -149,7 +149,11 @@ PROFILES = ("profile", "expected")
     gather=(Grid.ship,),
 )
 def learned_rows(
-    split: str, seed: int, ship: tuple[ShipName, ...], hulls: tuple[Hull, ...], training_rows: int
+    split: str,
+    seed: int,
+    ship: tuple[ShipName, ...],
+    mesh_sources: tuple[MeshSource, ...],
+    training_rows: int,
 ) -> Arrays:
     """Return the rows to learn from."""
     rows = rows_of(split, TRAIN, seed=seed, ships=[*map(str, ship)], count=training_rows)
@@ -203,8 +207,8 @@ def tested_rows(
     split: str,
     seed: int,
     ship: tuple[ShipName, ...],
-    hulls: tuple[Hull, ...],
-    unknown_hulls: tuple[Hull, ...],
+    mesh_sources: tuple[MeshSource, ...],
+    unknown_mesh_sources: tuple[MeshSource, ...],
     test_rows: int,
 ) -> Arrays:
     """Return the test rows, those of unknown ships last."""
@@ -253,7 +257,7 @@ def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[T
     name = fitted.name.removeprefix("fit_")
 
     def is_entered(choices: Choices) -> bool:
-        return looks(SENSOR)(choices) and name in choices.value(Benchmark.classifier)
+        return uses_sensor(SENSOR)(choices) and name in choices.value(Benchmark.classifier)
 
     def is_compared(choices: Choices) -> bool:
         return is_entered(choices) and REFERENCE in choices.value(Benchmark.classifier)
@@ -493,12 +497,12 @@ ENTERED = tuple(
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the compiled loops that simulate rows."""
-    return [FRAMES, engine_loops(LINES)] if looks(SENSOR)(choices) else []
+    return [FRAMES, engine_loops(LINES)] if uses_sensor(SENSOR)(choices) else []
 
 
 STAGES = (
     learned_split,
-    unknown_hulls,
+    unknown_mesh_sources,
     learned_rows,
     training_set,
     template_set,
@@ -514,7 +518,7 @@ TABLES = tuple(table for _, tables in ENTERED for table in tables)
 
 def check_first(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ships that no split can learn, and missing classifiers."""
-    if looks(SENSOR)(choices):
+    if uses_sensor(SENSOR)(choices):
         for name in choices.value(Benchmark.classifier):
             if name in EXTRAS and find_spec(EXTRAS[name]) is None:
                 needed = f"used with {EXTRAS[name]}: pip install 'ncti-sweep[{EXTRAS[name]}]'"

@@ -25,7 +25,7 @@ from sweeps.stages.infrared import Infrared, check_window
 from sweeps.stages.ladar import BEAM, FULL, Ladar, check_profiles, cnr_at_range
 from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.refusals import refuse, require
-from sweeps.stages.views import Arrays, Grid, Render, looks
+from sweeps.stages.views import Arrays, Grid, Render, uses_sensor
 
 if TYPE_CHECKING:
     import trimesh
@@ -58,7 +58,7 @@ class Operate(Settings, key="operate"):
 USED = (Operate, Grid, Ladar, Likelihood, Infrared)
 OPERATED = Group(
     SENSOR,
-    looks(SENSOR),
+    uses_sensor(SENSOR),
     USED,
     ("range", "ifov", "cnr", "pulse_width", "frame_count", "fleet"),
 )
@@ -256,7 +256,7 @@ TABLES = (
 
 def check_first(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) fleets larger than the grid, before building any ship."""
-    if looks(SENSOR)(choices):
+    if uses_sensor(SENSOR)(choices):
         ships, largest = len(choices[Grid.ship]), max(choices[Operate.fleet])
         if largest > ships:
             refuse(Operate.fleet, largest, f"at most {ships}, the number of ships of grid.ship")
@@ -265,7 +265,7 @@ def check_first(choices: Choices) -> Choices:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) settings that the sensor `operate` does not support."""
-    if not looks(SENSOR)(choices):
+    if not uses_sensor(SENSOR)(choices):
         return choices
     check_profiles(choices)
     require(choices, Ladar.receiver, FULL, f"with the sensor {SENSOR}")

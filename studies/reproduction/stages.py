@@ -18,7 +18,7 @@ from sweeps.engine.declare.stage import Group, Output, Stream, coordinate
 from sweeps.stages import meshes, views
 from sweeps.stages.refusals import refuse
 from sweeps.stages.ships import ship_name
-from sweeps.stages.views import Arrays, Grid, looks
+from sweeps.stages.views import Arrays, Grid, uses_sensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +52,7 @@ class Reproduce(Settings, key="reproduce"):
 
 SETTINGS = Group(
     "reproduction",
-    looks(SENSOR),
+    uses_sensor(SENSOR),
     (Grid, Reproduce, Run),
     status=views.Status("setting", "state of the settings", (Reproduce.setting,)),
 )
@@ -66,7 +66,7 @@ SETTINGS = Group(
     stream=Stream((Reproduce.setting,)),
 )
 def reproduced(
-    hulls: tuple[meshes.Hull, ...],
+    mesh_sources: tuple[meshes.MeshSource, ...],
     aspect: tuple[float, ...],
     setting: int,
     draws: int,
@@ -86,7 +86,7 @@ def reproduced(
 
 @lru_cache(maxsize=KEPT)
 def _view(ship: str, aspect: float, depression: float) -> LineImage:
-    mesh = meshes.read_mesh(meshes.hull(ship_name(ship)))
+    mesh = meshes.read_mesh(meshes.mesh_source(ship_name(ship)))
     return library.draw(mesh, aspect, depression)
 
 
@@ -109,7 +109,7 @@ def figure_names(aspect: tuple[float, ...]) -> NDArray[np.str_]:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ships and aspects that the article's tables do not cover."""
-    if looks(SENSOR)(choices):
+    if uses_sensor(SENSOR)(choices):
         ships, aspects = choices[Grid.ship], choices[Grid.aspect]
         if tuple(map(str, ships)) != article.SHIPS:
             refuse(Grid.ship, list(map(str, ships)), f"the article's {', '.join(article.SHIPS)}")

@@ -38,7 +38,7 @@ from sweeps.stages.classifier import profile_vectors
 from sweeps.stages.correlation import match_views
 from sweeps.stages.ladar import BEAM, EXTENT, SIGNAL, Ladar, check_profiles, check_pulses
 from sweeps.stages.refusals import refuse, require
-from sweeps.stages.views import Arrays, Floats, Grid, Render, looks
+from sweeps.stages.views import Arrays, Floats, Grid, Render, uses_sensor
 
 if TYPE_CHECKING:
     import trimesh
@@ -66,7 +66,7 @@ class RunTime(Settings, key="run_time"):
 
 
 USED = (Grid, Render, Ladar, RunTime)
-TIMED = Group(SENSOR, looks(SENSOR), USED, status=views.STATUS)
+TIMED = Group(SENSOR, uses_sensor(SENSOR), USED, status=views.STATUS)
 _signature = inner("signature", ("down_range",), "f8")
 _measured = partial(Output, dtype="f8", role=MEASURED)
 VIEW = {"aspect": Grid.aspect, "depression": "depression"}
@@ -246,7 +246,7 @@ def changed(
 
 def check(choices: Choices) -> Choices:
     """Drop unavailable engines, and refuse settings that cannot be measured."""
-    if not looks(SENSOR)(choices):
+    if not uses_sensor(SENSOR)(choices):
         return choices
     check_profiles(choices)
     reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
@@ -273,7 +273,7 @@ def missing_engines() -> list[str]:
 
 def about(choices: Choices) -> list[str]:
     """Return a sentence for each engine that is not measured because its libraries are missing."""
-    missing = missing_engines() if looks(SENSOR)(choices) else []
+    missing = missing_engines() if uses_sensor(SENSOR)(choices) else []
     return [
         f"render.engine is measured without {name}: its libraries are missing" for name in missing
     ]

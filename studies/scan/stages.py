@@ -29,7 +29,7 @@ from sweeps.stages.infrared import Infrared, check_window
 from sweeps.stages.ladar import Ladar, check_profiles
 from sweeps.stages.likelihood import Likelihood
 from sweeps.stages.refusals import refuse, require
-from sweeps.stages.views import Arrays, Grid, Render, Scene, looks, quantity
+from sweeps.stages.views import Arrays, Grid, Render, Scene, quantity, uses_sensor
 
 if TYPE_CHECKING:
     import trimesh
@@ -76,7 +76,7 @@ class Scan(Settings, key="scan"):
 
 
 USED = (Scan, Grid, Render, Ladar)
-FIELD = Group(SENSOR, looks(SENSOR), USED, status=views.STATUS)
+FIELD = Group(SENSOR, uses_sensor(SENSOR), USED, status=views.STATUS)
 
 
 @FIELD.stage(
@@ -271,7 +271,7 @@ outcome = FIELD.stage(
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) fields, ranges and rates that cannot be searched."""
-    if not looks(SENSOR)(choices):
+    if not uses_sensor(SENSOR)(choices):
         return choices
     check_profiles(choices)
     check_receiver(choices, "likelihood")

@@ -19,7 +19,7 @@ from ncti.irar import Chain, Scan, Snapshot, Window
 from ncti.irar.corrected import EXACT, NO_ERROR, RATES
 from sweeps.report.stores import nominal
 from sweeps.stages.irar import FLOWN, RECORDED, scan_again, surface
-from sweeps.stages.meshes import hull, read_mesh
+from sweeps.stages.meshes import mesh_source, read_mesh
 from sweeps.stages.ships import ship_name
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
             f"{label} was read from a file that the store does not name, but ships drawn must be "
             f"among {', '.join(ncti.ships.names())}"
         )
-    known = hull(ship_name(label))
+    known = mesh_source(ship_name(label))
     if known.digest != attributes["mesh_digests"][label]:
         raise ValueError(f"{label} has changed since the store was made")
     return read_mesh(known)

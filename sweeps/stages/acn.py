@@ -75,15 +75,12 @@ class TrainingSet:
 
     @classmethod
     def of_views(
-        cls, seen: NDArray[Any], valid: Mask, training_views: Mask, to_vectors: Callable[..., Any]
+        cls, inputs: NDArray[Any], valid: Mask, training_views: Mask, to_vectors: Callable[..., Any]
     ) -> TrainingSet:
         """Return the training set of (ship, aspect, ...) profiles or maps."""
-        flat = seen.reshape(1, -1, *seen.shape[2:])
+        flat = inputs.reshape(1, -1, *inputs.shape[2:])
         views = np.flatnonzero(valid & training_views)
         vectors = to_vectors(flat[:, views]).astype(np.float64)
-        if not vectors.any():  # only if no view has a direction does `Similarities.of` refuse
-            views = np.arange(valid.size)
-            vectors = to_vectors(flat[:, views]).astype(np.float64)
         return cls(Similarities.of(vectors), views, valid, to_vectors)
 
     def rows_of(self, views: Indices) -> Indices:
@@ -236,8 +233,8 @@ def answer_tests(
             if score_rule == "ship":
                 scored, right = valid, predicted == ship
             else:
-                taught = formed["training_confused"] >= 0
-                scored, right = valid & taught, (category == labels) & (category != NONE)
+                is_training_view = formed["training_confused"] >= 0
+                scored, right = valid & is_training_view, (category == labels) & (category != NONE)
             answers["category"][*index, f] = category
             answers["similarity"][*index, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
             answers["predicted"][*index, f] = predicted
@@ -256,7 +253,7 @@ def _clustering(formed: Arrays) -> Clustering:
 def match_learning(
     training_set: TrainingSet,
     formed: Arrays,
-    shown: Callable[[Indices], Floats],
+    read_vectors: Callable[[Indices], Floats],
     learning_rate: float,
 ) -> tuple[Indices, Floats]:
     """Return (view,) categories and cosines of tests that move categories, read in blocks.
@@ -270,7 +267,7 @@ def match_learning(
     order = view_order[np.argsort(unknown[view_order], kind="stable")]
     directions, lengths = polar(_clustering(formed).traces(training_set.similarities))
     for rows in row_blocks(len(order)):
-        matches = move_categories(directions, lengths, shown(order[rows]), learning_rate)
+        matches = move_categories(directions, lengths, read_vectors(order[rows]), learning_rate)
         category[order[rows]], similarity[order[rows]] = matches
     return category, similarity
 
@@ -379,7 +376,7 @@ STAGES = (
 TABLES = (
     *OF_RANGE.tables(rejecting=True, forming=True),
     *OF_INFRARED.tables(
-        partial(classifier.tabulate_answers, shown="silhouettes"),
+        partial(classifier.tabulate_answers, source="silhouettes"),
         rejecting=True,
         forming=True,
         labels={"classifier": NAME, "channel": INFRARED},

@@ -178,7 +178,7 @@ def generated_ships(learned: Sequence[str], number: int) -> tuple[ShipName, ...]
 
 def classifies_with(name: str, sensor: str) -> Condition:
     """Return the condition that a classifier and a sensor are selected."""
-    return lambda choices: name in choices[Classifier.name] and views.looks(sensor)(choices)
+    return lambda choices: name in choices[Classifier.name] and views.uses_sensor(sensor)(choices)
 
 
 def tested_ships(ship: Sequence[str]) -> Mask:
@@ -357,7 +357,7 @@ def read_in_blocks(*names: str) -> dict[str, At]:
 # Answers
 
 
-def judged(named: Integers, valid: Mask, tested: Mask | None = None) -> Arrays:
+def mark_answers(named: Integers, valid: Mask, tested: Mask | None = None) -> Arrays:
     """Return the arrays of answers: (..., ship, aspect) predictions for existing views.
 
     Views that are not `tested` have no answer.
@@ -392,14 +392,16 @@ def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     return classified.isel(ship=np.flatnonzero(training_ship_mask(choices)))
 
 
-def tabulate_answers(classified: xr.Dataset, choices: Choices, shown: str = PROFILES) -> xr.Dataset:
+def tabulate_answers(
+    classified: xr.Dataset, choices: Choices, source: str = PROFILES
+) -> xr.Dataset:
     """Return all scores of answers by aspect bin, of ships in training.
 
     Tables of range profiles have the receiver as an attribute, if all have the same.
     """
-    table = tabulate_scores(known_ships(classified, choices), aspect_masks(choices), shown)
+    table = tabulate_scores(known_ships(classified, choices), aspect_masks(choices), source)
     receivers = choices.values.get(Ladar.receiver.key, ())
-    one_receiver = len(receivers) == 1 and shown == PROFILES
+    one_receiver = len(receivers) == 1 and source == PROFILES
     return table.assign_attrs({"receiver": receivers[0]} if one_receiver else {})
 
 
@@ -503,10 +505,10 @@ class ClassifierGroup(Group):
         return tuple(tables)
 
 
-def of_profiles(name: str, *own: str) -> ClassifierGroup:
+def of_profiles(name: str, *extra_dims: str) -> ClassifierGroup:
     """Return the group of a classifier of range profiles, with its own dimensions."""
     return ClassifierGroup.of_classifier(
-        name, classifies_with(name, RANGE), (*OF_PROFILES, *own, *TESTED)
+        name, classifies_with(name, RANGE), (*OF_PROFILES, *extra_dims, *TESTED)
     )
 
 

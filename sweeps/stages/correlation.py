@@ -89,12 +89,12 @@ def match_views(
     valid: Mask,
     training_views: Mask,
     left_out: bool,
-    see: Callable[[Profiles | Floats], Floats] = np.asarray,
+    to_vectors: Callable[[Profiles | Floats], Floats] = np.asarray,
 ) -> Arrays:
     """Return the ship of the training vector most similar to each test, (ship, aspect).
 
     The training set is (draw, view, bin) vectors of all views, zero for missing ones, and tests are
-    (view, bin) vectors; or `see` converts both to vectors, block by block. `left_out` excludes
+    (view, bin) vectors; or `to_vectors` converts both, block by block. `left_out` excludes
     templates of a test's own aspect.
     """
     # Imported here because scikit-learn takes a second.
@@ -103,7 +103,7 @@ def match_views(
     ship, aspect = np.indices(valid.shape).reshape(2, -1)
 
     def templates_of(views: Indices) -> Floats:
-        return see(training_set[:, views].reshape(-1, training_set.shape[-1]))
+        return to_vectors(training_set[:, views].reshape(-1, training_set.shape[-1]))
 
     # Compare with learned views only. If all are zero, take all views: none matches.
     views = np.flatnonzero(training_views)
@@ -119,11 +119,11 @@ def match_views(
     for rows in row_blocks(len(tests)):
         same_aspect = (aspect[rows, None] == aspect[view]) if left_out else np.False_
         best[rows], cosine[rows] = neighbour.match(
-            see(tests[rows]), exclude=untrained | same_aspect
+            to_vectors(tests[rows]), exclude=untrained | same_aspect
         )
     predicted = np.where(best == NO_TEMPLATE, NONE, ship[view[best]]).reshape(valid.shape)
     similarity = np.where(valid, cosine.reshape(valid.shape), np.nan)
-    return classifier.judged(predicted, valid) | {"similarity": similarity}
+    return classifier.mark_answers(predicted, valid) | {"similarity": similarity}
 
 
 def check(choices: Choices) -> Choices:

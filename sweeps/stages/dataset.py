@@ -37,9 +37,9 @@ from sweeps.engine.declare.stage import Condition, Group, Output, coordinate
 from sweeps.stages import views
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import Ladar, check_profiles
-from sweeps.stages.meshes import Hull, read_mesh
+from sweeps.stages.meshes import MeshSource, read_mesh
 from sweeps.stages.refusals import require
-from sweeps.stages.views import Arrays, Grid, Render, Scene, looks, quantity
+from sweeps.stages.views import Arrays, Grid, Render, Scene, quantity, uses_sensor
 
 if TYPE_CHECKING:
     import trimesh
@@ -91,16 +91,18 @@ class Rows(Settings, key="dataset"):
 
 def _has_rows_of(kind: str) -> Condition:
     """Return the condition that the data set has rows of a sensor."""
-    return lambda choices: looks(SENSOR)(choices) and kind in SENSORS[choices.value(Rows.sensor)]
+    return lambda choices: (
+        uses_sensor(SENSOR)(choices) and kind in SENSORS[choices.value(Rows.sensor)]
+    )
 
 
 # Each group has the parameters of its rows, so that either can be read alone.
-USED = (Rows, Grid, Scene, Ladar, Render, Run)
-PROFILES = Group(SENSOR, _has_rows_of("range"), USED)
-SILHOUETTES = Group(f"{SENSOR}_infrared", _has_rows_of("infrared"), (*USED, Infrared))
+ROW_SETTINGS = (Rows, Grid, Scene, Ladar, Render, Run)
+PROFILES = Group(SENSOR, _has_rows_of("range"), ROW_SETTINGS)
+SILHOUETTES = Group(f"{SENSOR}_infrared", _has_rows_of("infrared"), (*ROW_SETTINGS, Infrared))
 
 # Keywords of `ncti.dataset`: settings; those of the grid are lists to draw from.
-OF_BOTH = {
+COMMON_INPUTS = {
     "seed": Run.seed,
     "piece": Rows.pieces,
     "count": Rows.rows,
@@ -112,7 +114,7 @@ OF_BOTH = {
     "ifov": Ladar.ifov,
     "spacing": Render.pixel,
 }
-OF_RADAR = OF_BOTH | {
+RADAR_INPUTS = COMMON_INPUTS | {
     "pulse_width": Grid.pulse_width,
     "cnr": Rows.cnr,
     "gain": Rows.gain,
@@ -121,8 +123,8 @@ OF_RADAR = OF_BOTH | {
     "window": Ladar.window,
     "target_free_ifovs": Ladar.target_free_ifovs,
 }
-OF_IMAGER = OF_BOTH | {"imager": "imager", "super_resolution": Rows.super_resolution}
-LISTS = ("slant_range", "frames", "pulse_width", "cnr")
+IMAGER_INPUTS = COMMON_INPUTS | {"imager": "imager", "super_resolution": Rows.super_resolution}
+LIST_INPUTS = ("slant_range", "frames", "pulse_width", "cnr")
 INTEGERS = {"row": "i8", "view": "i8", "frames": "i4", "ship": "i4"}
 
 
@@ -141,38 +143,42 @@ def _declare_parameters(names: Iterable[str]) -> list[Output]:
 @PROFILES.stage(
     *_declare_parameters(ROWS),
     Output("profile", ("place", "down_range"), label=VARIABLES["profile"][1]),
-    reads=OF_RADAR,
+    reads=RADAR_INPUTS,
     gather=(Grid.ship, Grid.range, Grid.frame_count, Grid.pulse_width),
 )
-def profile_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -> Arrays:
+def profile_rows(
+    mesh_sources: tuple[MeshSource, ...], ship: tuple[str, ...], **inputs: Any
+) -> Arrays:
     """Return a piece of rows of the laser radar."""
-    return make_rows(hulls, ship, "range", **given)
+    return make_rows(mesh_sources, ship, "range", **inputs)
 
 
 @SILHOUETTES.stage(
     *_declare_parameters(name for name in ROWS if name not in ONLY_RADAR),
     Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
-    reads=OF_IMAGER,
+    reads=IMAGER_INPUTS,
     gather=(Grid.ship, Grid.range, Grid.frame_count),
 )
-def silhouette_rows(hulls: tuple[Hull, ...], ship: tuple[str, ...], **given: Any) -> Arrays:
+def silhouette_rows(
+    mesh_sources: tuple[MeshSource, ...], ship: tuple[str, ...], **inputs: Any
+) -> Arrays:
     """Return a piece of rows of the imager."""
-    return make_rows(hulls, ship, "infrared", **given)
+    return make_rows(mesh_sources, ship, "infrared", **inputs)
 
 
 def make_rows(
-    hulls: tuple[Hull, ...],
+    mesh_sources: tuple[MeshSource, ...],
     ship: tuple[str, ...],
     sensor: str,
     *,
     piece: int,
     count: int,
-    **given: Any,
+    **inputs: Any,
 ) -> Arrays:
     """Return the arrays of the rows of a piece, as `ncti.dataset` makes them."""
-    drawn = {name: list(given[name]) for name in LISTS if given.get(name) is not None}
-    meshes = [named_mesh(*pair) for pair in zip(hulls, map(str, ship), strict=True)]
-    rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**given, **drawn})
+    drawn = {name: list(inputs[name]) for name in LIST_INPUTS if inputs.get(name) is not None}
+    meshes = [named_mesh(*pair) for pair in zip(mesh_sources, map(str, ship), strict=True)]
+    rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**inputs, **drawn})
     index = np.searchsorted(np.array(ship, dtype=str), rows.ship.values)
     arrays = {f"row_{name}": values.values for name, values in rows.coords.items() if name in ROWS}
     arrays |= {"row_ship": index, "rows": np.bincount(index, minlength=len(ship))}
@@ -180,9 +186,9 @@ def make_rows(
 
 
 @lru_cache(maxsize=64)
-def named_mesh(hull: Hull, label: str) -> trimesh.Trimesh:
+def named_mesh(mesh_source: MeshSource, label: str) -> trimesh.Trimesh:
     """Return a ship's mesh with the sweep's label as its name."""
-    mesh = read_mesh(hull)
+    mesh = read_mesh(mesh_source)
     if mesh.metadata.get("name") != label:
         mesh = mesh.copy()
         mesh.metadata["name"] = label
@@ -206,7 +212,7 @@ def row_cells() -> Arrays:
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) scenes, ships and ranges that rows do not support."""
-    if looks(SENSOR)(choices):
+    if uses_sensor(SENSOR)(choices):
         check_profiles(choices)
         require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")
         require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
@@ -222,7 +228,7 @@ def tabulate(made_rows: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that rows of both sensors take."""
-    return [FRAMES, engine_loops(LINES), IMAGES] if looks(SENSOR)(choices) else []
+    return [FRAMES, engine_loops(LINES), IMAGES] if uses_sensor(SENSOR)(choices) else []
 
 
 STAGES = (

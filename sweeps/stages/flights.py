@@ -28,7 +28,7 @@ from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
 from sweeps.stages.ladar import BEAM, Ladar, profile_bins
 from sweeps.stages.refusals import refuse, require, require_among
 from sweeps.stages.ships import ShipName
-from sweeps.stages.views import IRAR, Arrays, Grid, looks
+from sweeps.stages.views import IRAR, Arrays, Grid, uses_sensor
 
 if TYPE_CHECKING:
     import trimesh
@@ -269,14 +269,17 @@ def check(choices: Choices) -> Choices:
     for setting in OF_EXACT if printed else ():
         reason = f"where irar.chain has {printed}, which has a way of its own"
         require(choices, setting, setting.default, reason)
-    if not looks(IRAR)(choices):
+    if not uses_sensor(IRAR)(choices):
         return choices
     for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
         if not values["band_start"] < values["band_stop"]:
             stop = f"below {values['band_stop']:g}, irar.band_stop"
             refuse(Irar.band_start, values["band_start"], stop)
     views.check_beam(choices, Irar.profile_range, Ladar.ifov)
-    hulls = {ship: meshes.read_mesh(meshes.hull(ship)).convex_hull for ship in flown_ships(choices)}
+    hulls = {
+        ship: meshes.read_mesh(meshes.mesh_source(ship)).convex_hull
+        for ship in flown_ships(choices)
+    }
     for values in combinations(choices, (Grid.ship, Grid.aspect, *FLOWN)):
         ship, aspect, place = values.pop("ship"), values.pop("aspect"), ""
         try:
@@ -315,11 +318,11 @@ def _check_estimate(flight: Flight, error: Error) -> None:
         speed = comparison.navigated_flight(flight, error).closing_speed
     except ValueError as problem:
         raise ConfigurationError(f"{wrong} {problem}") from problem
-    least, most = (share * flight.closing_speed for share in (SLOWEST, FASTEST))
-    if not least <= speed <= most:
+    min_speed, max_speed = (share * flight.closing_speed for share in (SLOWEST, FASTEST))
+    if not min_speed <= speed <= max_speed:
         raise ConfigurationError(
             f"{wrong} the ship comes closer at {speed:.3g} m/s, but must be such that it does at "
-            f"{least:.3g} to {most:.3g}"
+            f"{min_speed:.3g} to {max_speed:.3g}"
         )
 
 
@@ -327,8 +330,8 @@ def _translate_message(error: ValueError, slant_range: float) -> str:
     """Return the library's message about a flight, with the configuration's keys and units."""
     match = re.fullmatch(r"slant_range is .*? must be at least ([\d.e+]+), (.*)", str(error))
     if match:
-        least = float(match[1]) / 1e3
-        return f"irar.range has {slant_range:g}, but must be at least {least:g}, {match[2]}"
+        min_range = float(match[1]) / 1e3
+        return f"irar.range has {slant_range:g}, but must be at least {min_range:g}, {match[2]}"
     return f"irar.{error}"
 
 

@@ -7,6 +7,7 @@ profiles with phase d of the silhouettes, cyclically if there are fewer profiles
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from ncti.classify.fusion import add_outliers, fuse, label_posterior, similarity
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Indices, Mask
+from sweeps.stages.classifier import GATHERED, NONE, Classifier, Indices, Integers, Mask
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import WITH_MOMENTS, Ladar
 from sweeps.stages.likelihood import Likelihood, Prior
@@ -223,24 +224,39 @@ def fusion(
             logs = templates.log_likelihood(prior.drop_floors(block), count, gain_sigma=gain_sigma)
             logs = logs.reshape(len(gain_sigma), replicates, len(true), -1)[..., template]
             for g, d in np.ndindex(len(gain_sigma), draws):
-                profile = logs[g, d % replicates]
-                certain = add_outliers(profile, of_ship, outlier_fraction=of_profiles[g, f])
-                of_profile = label_posterior(profile, of_ship)
-                for m, cosine in enumerate(similar):
-                    factor, share = factors[m, :, d]
-                    silhouette = factor * cosine[d % phases].astype(np.float64)
-                    silhouette = add_outliers(silhouette, of_ship, outlier_fraction=share)
-                    fused = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
-                    of_both = (label_posterior(scores, of_ship) for scores in (silhouette, fused))
-                    for c, posterior in enumerate((of_profile, *of_both)):
-                        index = g, f, m, c, d, true, column
-                        best[index], probability[index] = classifier.best_ships(posterior, true)
-    answers = classifier.judged(best, compared) | {"probability": probability}
+                profile = logs[g, d % replicates], of_profiles[g, f]
+                scaled = (
+                    (factor * cosine[d % phases].astype(np.float64), share)
+                    for (factor, share), cosine in zip(factors[..., d], similar, strict=True)
+                )
+                for (m, c), posterior in channel_posteriors(profile, scaled, of_ship):
+                    index = g, f, m, c, d, true, column
+                    best[index], probability[index] = classifier.best_ships(posterior, true)
+    answers = classifier.mark_answers(best, compared) | {"probability": probability}
     answers |= _constants(factors, of_profiles.mean(axis=-1), shape)
     return {
         name: values.reshape(*shape[:2], *axes, *values.shape[3:])
         for name, values in answers.items()
     }
+
+
+def channel_posteriors(
+    profile: tuple[Floats, Floats], silhouettes: Iterable[tuple[Floats, float]], of_ship: Integers
+) -> Iterator[tuple[tuple[int, int], tuple[Integers, Floats]]]:
+    """Yield the indices of a look and a channel, then ships with their (view, ship) probabilities.
+
+    A profile and the silhouettes of all looks have (view, template) scores, and the outlier
+    fractions of templates; `of_ship` (template,) are the ships of templates.
+    """
+    scores, outliers = profile
+    of_profile = label_posterior(scores, of_ship)
+    certain = add_outliers(scores, of_ship, outlier_fraction=outliers)
+    for m, (similar, share) in enumerate(silhouettes):
+        silhouette = add_outliers(similar, of_ship, outlier_fraction=share)
+        fused = fuse(certain, silhouette, inverse_temperature=(1.0, 1.0))
+        of_both = (label_posterior(scores, of_ship) for scores in (silhouette, fused))
+        for c, posterior in enumerate((of_profile, *of_both)):
+            yield (m, c), posterior
 
 
 def _constants(factors: Floats, of_profiles: Floats, shape: tuple[int, ...]) -> Arrays:

@@ -54,7 +54,7 @@ from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import meshes, views
 from sweeps.stages.arguments import restore
 from sweeps.stages.refusals import refuse
-from sweeps.stages.views import Arrays, Grid, Render, looks, quantity
+from sweeps.stages.views import Arrays, Grid, Render, quantity, uses_sensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -250,7 +250,7 @@ _map = partial(Output, dims=("angle", "radius"), dtype="u1", role=SHARE)
 
 OF_VIEWS = Group(
     "infrared",
-    looks(views.INFRARED),
+    uses_sensor(views.INFRARED),
     (Infrared,),
     (*VIEW, *OF_SILHOUETTES, "phase", *LOOK),
     views.STATUS,
@@ -388,7 +388,7 @@ def template_log_polar(
 
 def check(choices: Choices) -> Choices:
     """Refuse (`ConfigurationError`) ranges that pixels do not resolve, and ships too large."""
-    if not looks(views.INFRARED)(choices):
+    if not uses_sensor(views.INFRARED)(choices):
         return choices
     same_ranges = choices[Infrared.range] == choices[Grid.range]
     range_setting = Grid.range if same_ranges else Infrared.range
@@ -397,8 +397,8 @@ def check(choices: Choices) -> Choices:
     check_window(choices)
     for method in choices[Infrared.segmentation]:
         if method != "matched" and find_spec("skimage") is None:
-            needed = "matched without scikit-image: pip install 'ncti-sweep[segmentation]'"
-            refuse(Infrared.segmentation, method, needed)
+            allowed = "matched without scikit-image: pip install 'ncti-sweep[segmentation]'"
+            refuse(Infrared.segmentation, method, allowed)
     return choices
 
 
@@ -406,12 +406,12 @@ def check_window(choices: Choices) -> None:
     """Refuse ships that images do not hold."""
     length, height = Infrared.window_length, Infrared.window_height
     for ship in choices[Grid.ship]:
-        vertices = meshes.description(meshes.hull(ship)).vertices
+        vertices = meshes.description(meshes.mesh_source(ship)).vertices
         longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
-        for setting, needed in ((length, longest), (height, float(vertices[:, 2].max()))):
-            if needed > (allowed := choices.value(setting)):
-                hold = f"at least {math.ceil(needed)} m to hold {ship}{meshes.fault_hint(ship)}"
-                refuse(setting, allowed, hold)
+        for setting, extent in ((length, longest), (height, float(vertices[:, 2].max()))):
+            if extent > (window := choices.value(setting)):
+                allowed = f"at least {math.ceil(extent)} m to hold {ship}{meshes.fault_hint(ship)}"
+                refuse(setting, window, allowed)
 
 
 # Tables
@@ -420,7 +420,7 @@ def check_window(choices: Choices) -> None:
 def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the detection probability of ships, from the store's infrared group.
 
-    `probability` by aspect bin, mean over ships, aspects and offsets; `lowest`, the least of all
+    `probability` by aspect bin, mean over ships, aspects and offsets; `lowest`, the lowest of all
     views. Views that are not there are left out; NaN where none is.
     """
     import xarray as xr
@@ -429,13 +429,13 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     labels, index = aspect_bins(images.aspect.values)
     bins = [*(np.flatnonzero(index == k) for k in range(len(labels))), np.arange(len(index))]
     name = xr.Variable("aspect_bin", [*labels, "overall"])
-    mean, least = (
+    mean, minimum = (
         xr.concat([reduce(probability.isel(aspect=pooled), OVER) for pooled in bins], name)
         for reduce in (xr.DataArray.mean, xr.DataArray.min)
     )
     columns = {
         "probability": (mean, "mean probability that some pixel of the ship passes the threshold"),
-        "lowest": (least, "least probability of a view"),
+        "lowest": (minimum, "lowest probability of a view"),
     }
     return add_bin_attribute(data_set(columns), images.aspect)
 
@@ -502,7 +502,7 @@ def _image_table(
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that images and silhouettes take."""
-    if not looks(views.INFRARED)(choices):
+    if not uses_sensor(views.INFRARED)(choices):
         return []
     masked = MASK in map(silhouette_engine.function, choices[Render.engine])
     return [IMAGES] + [engine_loops(MASK)] * masked

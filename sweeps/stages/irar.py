@@ -36,7 +36,7 @@ from sweeps.engine.declare.stage import Group
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
-from sweeps.stages.views import IRAR, MAX_FRAMES, SI, STATUS, Grid, Render, looks, quantity
+from sweeps.stages.views import IRAR, MAX_FRAMES, SI, STATUS, Grid, Render, quantity, uses_sensor
 
 if TYPE_CHECKING:
     import trimesh
@@ -276,7 +276,7 @@ FLIGHT: tuple[str, ...] = tuple(  # dimensions of a flight in the store, in thei
 )
 FLIGHTS = Group(
     "validation",
-    looks(IRAR),
+    uses_sensor(IRAR),
     dims=("ship", "aspect", *FLIGHT, "pulse_width"),
     status=STATUS,
     names={  # a flight has settings of the same words
@@ -369,6 +369,6 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops of flights, and those of the pixels that they need beside lines."""
-    if not looks(IRAR)(choices):
+    if not uses_sensor(IRAR)(choices):
         return []
     return [TILTS] + [engine_loops(choose_engine("auto"))] * (LINES in choices[Render.engine])

@@ -29,7 +29,17 @@ from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import meshes, views
 from sweeps.stages.arguments import restore
 from sweeps.stages.refusals import refuse
-from sweeps.stages.views import RANGE, STATUS, Arrays, Floats, Grid, Render, Sweep, looks, quantity
+from sweeps.stages.views import (
+    RANGE,
+    STATUS,
+    Arrays,
+    Floats,
+    Grid,
+    Render,
+    Sweep,
+    quantity,
+    uses_sensor,
+)
 
 SENSOR = RANGE
 # Imported by stages when they are called, because it takes long.
@@ -99,12 +109,12 @@ def stores_moments(choices: Choices) -> bool:
 
 def has_tolerance(choices: Choices) -> bool:
     """Return whether range profiles must meet a tolerance."""
-    return looks(RANGE)(choices) and any(choices[Render.tolerance])
+    return uses_sensor(RANGE)(choices) and any(choices[Render.tolerance])
 
 
 PROFILE = Group(
     PROFILES,
-    looks(RANGE),
+    uses_sensor(RANGE),
     (Grid, Ladar),
     (*VIEW, "replicate", "place", "frame_count", "range", "target_free_ifovs"),
     STATUS,
@@ -142,7 +152,7 @@ EXTENT = (  # arrays of a packed `RangeExtent`
 
 
 @plain()
-def shift() -> Place:
+def corner_offset() -> Place:
     """Return the place of the ship origin in expected profiles: the corner of an IFOV."""
     return 0.0, 0.0
 
@@ -156,7 +166,7 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
 
 
 @plain(uses=(Grid, Ladar, Run))
-def seen_shift(
+def ifov_offset(
     ship: str,
     aspect: float,
     range: float,
@@ -170,10 +180,10 @@ def seen_shift(
         return 0.0, 0.0
     view = {"ship": str(ship), "aspect": aspect, "range": range, "replicate": replicate}
     right, up = cell_rng(seed, stage="place", **view).random(2).tolist()
-    return mirror_place((right, up), aspect, drawn_aspect)
+    return mirror_offset((right, up), aspect, drawn_aspect)
 
 
-def mirror_place(place: Place, aspect: float, drawn_aspect: float) -> Place:
+def mirror_offset(place: Place, aspect: float, drawn_aspect: float) -> Place:
     """Return a place, mirrored if the other side of the ship is drawn.
 
     No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.
@@ -182,7 +192,7 @@ def mirror_place(place: Place, aspect: float, drawn_aspect: float) -> Place:
     return (right if aspect == drawn_aspect else 0.0 - right), up
 
 
-@stage(*EXTENT, reads={"image": "image", "shift": "shift", **BEAM})
+@stage(*EXTENT, reads={"image": "image", "shift": "corner_offset", **BEAM})
 def extent(image: RangeImage | LineImage, **beam: Any) -> Arrays:
     """Return the fractions of the IFOVs that see the ship, bin by range bin."""
     return library.range_extent(image, **beam).packed()
@@ -196,8 +206,10 @@ def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
 
 
 # With ladar.place=corner these cells are those of `extent`, which is reused.
-seen_extent = replace(extent, name="seen_extent", reads={**extent.reads, "shift": "seen_shift"})
-seen_ifovs = replace(ifovs, name="seen_ifovs", reads={"extent": "seen_extent"})
+offset_extent = replace(
+    extent, name="offset_extent", reads={**extent.reads, "shift": "ifov_offset"}
+)
+offset_ifovs = replace(ifovs, name="offset_ifovs", reads={"extent": "offset_extent"})
 
 
 @plain(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width))
@@ -244,7 +256,7 @@ def above_floor(expected: views.Profiles) -> Arrays:
 
 @PROFILE.stage(
     Output("averaged", ("down_range",), label="frame-averaged range profile, noise floor included"),
-    reads={"ifovs": "seen_ifovs", **RECEIVED},
+    reads={"ifovs": "offset_ifovs", **RECEIVED},
     along=(Grid.frame_count,),
     stream=Stream(
         (Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
@@ -309,14 +321,14 @@ def check(choices: Choices) -> Choices:
     window, bin_width = choices.value(Ladar.window), choices.value(Ladar.bin_width)
     if window < 10 * bin_width:
         refuse(Ladar.window, window, f"at least 10 bins of ladar.bin_width {bin_width:g} m")
-    most = max(choices[Ladar.target_free_ifovs])
+    max_ifovs = max(choices[Ladar.target_free_ifovs])
     for receiver in choices[Ladar.receiver]:
-        if receiver != FULL and most > MAX_DRAWN:
+        if receiver != FULL and max_ifovs > MAX_DRAWN:
             allowed = f"at most {MAX_DRAWN} with the {receiver} receiver, which draws each of them"
-            refuse(Ladar.target_free_ifovs, most, allowed)
+            refuse(Ladar.target_free_ifovs, max_ifovs, allowed)
     if {RANGE, views.IRAR} & {*choices.value(Sweep.sensor)}:  # flights make profiles, too
         check_profiles(choices)
-    if looks(RANGE)(choices):
+    if uses_sensor(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
         if FULL in choices[Ladar.receiver]:
             _check_cnr(choices)
@@ -336,9 +348,9 @@ def check_profiles(choices: Choices) -> None:
 def check_pulses(choices: Choices, bins: Setting) -> None:
     """Refuse pulses that are too short for some range bins."""
     shortest, widest = min(choices[Grid.pulse_width]), max(choices[bins])
-    least = shortest_pulse(widest) * 1e9
-    if shortest < least:
-        refuse(Grid.pulse_width, shortest, f"at least {least:.3g} for {bins.key} {widest:g} m")
+    min_width = shortest_pulse(widest) * 1e9
+    if shortest < min_width:
+        refuse(Grid.pulse_width, shortest, f"at least {min_width:.3g} for {bins.key} {widest:g} m")
 
 
 def _check_window(choices: Choices) -> None:
@@ -346,7 +358,9 @@ def _check_window(choices: Choices) -> None:
     window = choices.value(Ladar.window)
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
-        reach = float(np.linalg.norm(meshes.description(meshes.hull(ship)).vertices, axis=1).max())
+        reach = float(
+            np.linalg.norm(meshes.description(meshes.mesh_source(ship)).vertices, axis=1).max()
+        )
         if allowed := window_requirement(window, ship=ship, reach=reach, pulse_width=longest):
             refuse(Ladar.window, window, f"{allowed}{meshes.fault_hint(ship)}")
 
@@ -356,43 +370,44 @@ def _check_cnr(choices: Choices) -> None:
     farthest, widest = (
         setting.in_si(max(choices[setting])) for setting in (Grid.range, Ladar.ifov)
     )
-    most = max(choices[Ladar.target_free_ifovs])
+    max_ifovs = max(choices[Ladar.target_free_ifovs])
     signals = [
         *product(*(choices[setting] for setting in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)))
     ]
     for ship in choices[Grid.ship]:
-        least = faintest_ratio(
-            np.ptp(meshes.description(meshes.hull(ship)).vertices, axis=0),
+        min_ratio = faintest_ratio(
+            np.ptp(meshes.description(meshes.mesh_source(ship)).vertices, axis=0),
             slant_range=farthest,
             ifov=widest,
-            target_free_ifovs=most,
+            target_free_ifovs=max_ifovs,
         )
         for cnr, cnr_range, extinction in signals:
             ratio = cnr_at_range(
                 farthest, cnr, Ladar.cnr_range.in_si(cnr_range), Ladar.extinction.in_si(extinction)
             )
-            if ratio < least:
-                lacking = 10 * math.log10(least / max(ratio, 1e-300))
+            if ratio < min_ratio:
+                lacking = 10 * math.log10(min_ratio / max(ratio, 1e-300))
                 allowed = (
                     f"at least {cnr + lacking:.1f} dB for single precision to hold the profile of "
-                    f"{ship} at {farthest / 1e3:g} km over the floor of {most} target-free IFOVs"
+                    f"{ship} at {farthest / 1e3:g} km over the floor of {max_ifovs} target-free "
+                    "IFOVs"
                 )
                 refuse(Ladar.cnr, cnr, allowed)
 
 
 def loops(choices: Choices) -> list[Loops]:
     """Return the loops that frames and their densities take."""
-    return [FRAMES] * looks(RANGE)(choices) + [DENSITIES] * stores_moments(choices)
+    return [FRAMES] * uses_sensor(RANGE)(choices) + [DENSITIES] * stores_moments(choices)
 
 
 STAGES = (
-    shift,
+    corner_offset,
     cnr_at_range,
-    seen_shift,
+    ifov_offset,
     extent,
     ifovs,
-    seen_extent,
-    seen_ifovs,
+    offset_extent,
+    offset_ifovs,
     fineness,
     profile_error,
     within_tolerance,

@@ -22,7 +22,7 @@ from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plai
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Integers, Mask
-from sweeps.stages.ladar import WITH_MOMENTS, Ladar, expected, extent, ifovs, mirror_place
+from sweeps.stages.ladar import WITH_MOMENTS, Ladar, expected, extent, ifovs, mirror_offset
 from sweeps.stages.refusals import refuse
 from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
 
@@ -174,7 +174,7 @@ def alternative_views(
 
 
 @plain(uses=(Grid, Classifier, Likelihood))
-def template_shift(
+def template_offset(
     template_places: int,
     ship: str,
     aspect: float,
@@ -193,12 +193,12 @@ def template_shift(
     [of_aspect] = classifier.training_aspects((aspect,), *selection)
     absent = set(unknown or ()) - set(alternative or ())
     number = template_places if of_aspect and ship not in absent else 0
-    return mirror_place(spread_place(number), aspect, drawn_aspect)
+    return mirror_offset(spread_place(number), aspect, drawn_aspect)
 
 
 # At the first place these cells are those of expected profiles.
 placed_extent = replace(
-    extent, name="placed_extent", reads={**extent.reads, "shift": "template_shift"}
+    extent, name="placed_extent", reads={**extent.reads, "shift": "template_offset"}
 )
 placed_ifovs = replace(ifovs, name="placed_ifovs", reads={"extent": "placed_extent"})
 placed_profile = replace(
@@ -345,6 +345,23 @@ def _fit_of_best(scores: Floats, peak: Floats, exclude: Mask, bins: int) -> Floa
     return log_fit(-distant[:, None], [0.0], bins)[:, 0]
 
 
+def _answer(
+    posterior: tuple[Integers, Floats], true_ship: Integers
+) -> tuple[Integers, Floats, Floats]:
+    """Return the (view,) predicted ships, and probabilities of the true and of the predicted ones.
+
+    Where there is an alternative, a prediction is compared with that alone. `posterior` has the
+    ships, `NONE` for the alternative, and their (view, ship) probabilities.
+    """
+    ships, probability = posterior
+    named = ships != NONE
+    best, of_true = classifier.best_ships((ships[named], probability[:, named]), true_ship)
+    of_best = probability[:, named].max(axis=1)
+    if not named.all():
+        of_best = of_best / (of_best + probability[:, ~named].sum(axis=1))
+    return best, of_true, of_best
+
+
 @ANSWERS.answers(
     Output("probability", classifier.VIEW, label="posterior probability of the true ship"),
     Output(
@@ -412,17 +429,13 @@ def likelihood(
                 for g, (scores, peak) in enumerate(zip(*scored, strict=True)):
                     index = n, g, f, true_ship, view_aspect[rows]
                     all_scores = np.concatenate([scores, alternative_scores[g]], axis=1)
-                    ships, chance = label_posterior(
+                    posterior = label_posterior(
                         all_scores, label, exclude=exclude, log_prior=log_prior
                     )
-                    posterior = ships[ships != NONE], chance[:, ships != NONE]
-                    best[index], probability[index] = classifier.best_ships(posterior, true_ship)
+                    best[index], probability[index], accepted = _answer(posterior, true_ship)
                     fit[index] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
-                    likely = posterior[1].max(axis=1)
-                    if unknown is not None:  # compare with the alternative only
-                        likely = likely / (likely + chance[:, ships == NONE].sum(axis=1))
-                    similarity[index] = likely * np.exp(misfit_weight * fit[index])
-    return classifier.judged(best, valid, tested) | {
+                    similarity[index] = accepted * np.exp(misfit_weight * fit[index])
+    return classifier.mark_answers(best, valid, tested) | {
         "probability": probability,
         "similarity": similarity,
         "fit": fit,
@@ -466,7 +479,7 @@ def check(choices: Choices) -> Choices:
 STAGES = (
     prior,
     alternative_views,
-    template_shift,
+    template_offset,
     placed_extent,
     placed_ifovs,
     placed_profile,

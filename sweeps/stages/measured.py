@@ -30,7 +30,7 @@ from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.mnn import mnn, mnn_training
 from sweeps.stages.refusals import refuse, require
-from sweeps.stages.views import IRAR, Arrays, Grid, Profiles, looks
+from sweeps.stages.views import IRAR, Arrays, Grid, Profiles, uses_sensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -112,13 +112,13 @@ def signature_kinds() -> NDArray[np.str_]:
 
 # Identification
 
-Namer = Callable[[Profiles, Mask], Arrays]
+Classify = Callable[[Profiles, Mask], Arrays]
 """Function of (kind, ship, aspect, bin) profiles and the (ship, aspect) mask of existing views that
 returns `predicted` and `correct`, (kind, ship, aspect)."""
 
 ANSWERS = ClassifierGroup.of_classifier(
     "measured",
-    looks(IRAR),
+    uses_sensor(IRAR),
     (
         *("pulse_width", "depression", "classifier", "vigilance"),
         *(name for name in FLIGHT if name != "depression"),
@@ -153,26 +153,28 @@ def training_method(
     keep=4,
     uses=(Grid,),
 )
-def namer(
+def trained_classifier(
     training_method: tuple[str, Keywords],
     learned_signature: Profiles,
     valid: Mask,
     training_views: Mask,
     aspect: tuple[float, ...],
     rng: np.random.Generator,
-) -> Namer:
+) -> Classify:
     """Return a classifier trained on synthetic profiles, for all flights."""
-    name, own_settings = training_method
-    settings = dict(own_settings)
+    name, method_settings = training_method
+    settings = dict(method_settings)
     if name == "acn":
-        see = classifier.profile_vectors
-        training_set = TrainingSet.of_views(learned_signature, valid, training_views, see)
+        to_vectors = classifier.profile_vectors
+        training_set = TrainingSet.of_views(learned_signature, valid, training_views, to_vectors)
         learning = {key: settings[key] for key in LEARNING}
         rules = {key: settings[key] for key in ("score_rule", "learn_in_test", "learning_rate")}
         formed = acn.form_categories(training_set, training_views, **learning)
         return lambda tests, valid: acn.answer_tests(training_set, formed, tests, valid, **rules)
     if name == "mnn":
-        trained = mnn_training(learned_signature, valid, training_views, aspect, own_settings, rng)
+        trained = mnn_training(
+            learned_signature, valid, training_views, aspect, method_settings, rng
+        )
         return lambda tests, valid: mnn(trained, tests, valid, aspect, settings["inputs"])
     if name not in TRAINED:
         nothing = ("predicted", "correct")
@@ -195,7 +197,7 @@ def namer(
     right=": the ship, of the multilayered network its aspect bin, too",
     uses=(Grid,),
 )
-def measured(namer: Namer, signature: Profiles, valid: Mask) -> Arrays:
+def measured(trained_classifier: Classify, signature: Profiles, valid: Mask) -> Arrays:
     """Return the ships predicted for signatures of every kind.
 
     -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
@@ -203,7 +205,9 @@ def measured(namer: Namer, signature: Profiles, valid: Mask) -> Arrays:
     """
     profiles = np.moveaxis(signature, 2, 0)
     absent = np.asarray(np.isnan(profiles).any(axis=-1))
-    answers = namer(np.where(absent[..., None], profiles[KINDS.index("learned")], profiles), valid)
+    answers = trained_classifier(
+        np.where(absent[..., None], profiles[KINDS.index("learned")], profiles), valid
+    )
     predicted, correct = (
         np.where(absent, NONE, answers[name]) for name in ("predicted", "correct")
     )
@@ -221,7 +225,7 @@ measured_kinds = ANSWERS.coordinates(*signature_kinds.outputs)(signature_kinds.f
 
 def check(choices: Choices) -> Choices:
     """Refuse classifiers that cannot identify measured profiles; drop them if others can."""
-    if not looks(IRAR)(choices):
+    if not uses_sensor(IRAR)(choices):
         return choices
     names = tuple(name for name in choices[Classifier.name] if name in TRAINED)
     if not names:
@@ -252,7 +256,7 @@ STAGES = (
     signature_kinds,
     acn_settings,
     training_method,
-    namer,
+    trained_classifier,
     measured,
     measured_kinds,
 )

@@ -33,10 +33,10 @@ LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Hull:
-    """Source of a mesh: a name or path, its transform, and the hash of both and the builder."""
+class MeshSource:
+    """A ship's mesh: its name or path, its transform, and the hash of both and the builder."""
 
-    source: str
+    name: str
     digest: str
     transform: Transform = AS_IT_IS
 
@@ -46,45 +46,45 @@ class Hull:
         return self.digest
 
 
-def hull(ship: ShipName) -> Hull:
+def mesh_source(ship: ShipName) -> MeshSource:
     """Return the source of a ship's mesh; `ConfigurationError` if there is no such ship."""
     try:
         digest = ncti.ships.digest(ship.source, **asdict(ship.transform))
-        return Hull(ship.source, digest, ship.transform)
+        return MeshSource(ship.source, digest, ship.transform)
     except ncti.ships.ShipError as error:
         raise ConfigurationError(f"grid.ship has {ship.source!r}: {error}") from error
 
 
 @lru_cache(maxsize=16)
-def read_mesh(hull: Hull) -> trimesh.Trimesh:
+def read_mesh(source: MeshSource) -> trimesh.Trimesh:
     """Return a ship's mesh, cached in this process; ValueError if it changed or is unfit."""
-    mesh = ncti.ships.load(hull.source, cache=_built_folder(), **asdict(hull.transform))
-    if mesh.metadata["digest"] != hull.digest:
-        raise ValueError(f"{hull.source} was changed while the sweep ran")
+    mesh = ncti.ships.load(source.name, cache=_built_folder(), **asdict(source.transform))
+    if mesh.metadata["digest"] != source.digest:
+        raise ValueError(f"{source.name} was changed while the sweep ran")
     return mesh
 
 
 @lru_cache(maxsize=16)
-def description(hull: Hull) -> ncti.ships.Description:
+def description(source: MeshSource) -> ncti.ships.Description:
     """Return measures and vertices of a ship, faster than `read_mesh`; ValueError if unfit."""
-    return ncti.ships.describe(hull.source, cache=_built_folder(), **asdict(hull.transform))
+    return ncti.ships.describe(source.name, cache=_built_folder(), **asdict(source.transform))
 
 
 @lru_cache(maxsize=16)
-def is_symmetric(hull: Hull) -> bool:
+def is_symmetric(source: MeshSource) -> bool:
     """Return whether both sides of a ship are alike."""
-    return ncti.ships.is_symmetric(read_mesh(hull))
+    return ncti.ships.is_symmetric(read_mesh(source))
 
 
 @lru_cache(maxsize=4096)
-def reach(hull: Hull) -> float:
+def reach(source: MeshSource) -> float:
     """Return the largest distance of a ship's vertices from its origin [m]."""
-    return reach_of(description(hull).vertices)
+    return reach_of(description(source).vertices)
 
 
 def fault_hint(ship: ShipName) -> str:
     """Return a hint at a ship's fault for the end of a message; empty if there is none."""
-    described = description(hull(ship))
+    described = description(mesh_source(ship))
     if described.mend is None:
         return ""
     mend = f"{{{described.mend}}}" if str(described.mend) else "no transform"
@@ -93,13 +93,13 @@ def fault_hint(ship: ShipName) -> str:
 
 def check(ships: Sequence[ShipName]) -> None:
     """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
-    hulls = [hull(ship) for ship in ships]
-    _build_many([each.source for each in hulls])
-    for each in hulls:
+    sources = [mesh_source(ship) for ship in ships]
+    _build_many([source.name for source in sources])
+    for source in sources:
         try:
-            description(each)
+            description(source)
         except ValueError as error:
-            raise ConfigurationError(f"grid.ship has {each.source!r}: {error}") from error
+            raise ConfigurationError(f"grid.ship has {source.name!r}: {error}") from error
 
 
 def _build_many(ships: Sequence[str]) -> None:

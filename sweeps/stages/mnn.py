@@ -154,7 +154,7 @@ def mnn(
     for f, of_count in enumerate(classes):
         of_count[valid] = predict_classes(network, flat, valid, inputs, f)
     bins = len(aspect_bins(aspect)[0])
-    answers = classifier.judged(classes // bins, valid)
+    answers = classifier.mark_answers(classes // bins, valid)
     right = np.where(valid, classes == view_classes(valid.shape, aspect), NONE)
     return answers | {
         "correct": right,

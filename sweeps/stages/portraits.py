@@ -18,7 +18,7 @@ from ncti.render.view import View
 from ncti.ships.errors import printable
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import Group, Output, stage
-from sweeps.stages.meshes import description, hull
+from sweeps.stages.meshes import description, mesh_source
 from sweeps.stages.ships import ShipName, ship_name
 from sweeps.stages.views import Grid
 
@@ -113,7 +113,7 @@ def _quote_for_hydra(word: str) -> str:
 
 def about(choices: Choices) -> list[str]:
     """Return a line for each of the first ships of a sweep, and a line for each warning."""
-    ships = [(ship, description(hull(ship))) for ship in choices[Grid.ship]]
+    ships = [(ship, description(mesh_source(ship))) for ship in choices[Grid.ship]]
     width = max(len(ship) for ship, _ in ships[:MAX_LINES])
     lines = [f"{ship:<{width}}  {details.measures}" for ship, details in ships[:MAX_LINES]]
     if lengths := [details.length for _, details in ships[MAX_LINES:]]:

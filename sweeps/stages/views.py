@@ -34,7 +34,7 @@ from sweeps.engine.declare.settings import (
 )
 from sweeps.engine.declare.stage import Condition, Stage, Status, in_memory, plain
 from sweeps.stages import meshes
-from sweeps.stages.meshes import Hull
+from sweeps.stages.meshes import MeshSource
 from sweeps.stages.refusals import refuse
 from sweeps.stages.ships import ShipFile, ShipName, ships
 
@@ -166,13 +166,13 @@ class Render(Settings, key="render"):
     )
 
 
-hull = plain(uses=(Grid,))(meshes.hull)
+mesh_source = plain(uses=(Grid,))(meshes.mesh_source)
 
 
 @plain(uses=(Grid,), gather=(Grid.ship,))
-def hulls(ship: tuple[ShipName, ...]) -> tuple[Hull, ...]:
+def mesh_sources(ship: tuple[ShipName, ...]) -> tuple[MeshSource, ...]:
     """Return the sources of all ships."""
-    return tuple(map(meshes.hull, ship))
+    return tuple(map(meshes.mesh_source, ship))
 
 
 @plain(uses=(Render,))
@@ -213,25 +213,27 @@ def depression(
 
 
 @in_memory(keep=8)
-def mesh(hull: Hull) -> trimesh.Trimesh:
+def mesh(mesh_source: MeshSource) -> trimesh.Trimesh:
     """Return a ship's mesh, refused when its file has changed since its digest."""
-    return meshes.read_mesh(hull)
+    return meshes.read_mesh(mesh_source)
 
 
 @plain(uses=(Grid, Render))
-def drawn_aspect(hull: Hull, aspect: float, skip: str) -> float:
+def drawn_aspect(mesh_source: MeshSource, aspect: float, skip: str) -> float:
     """Return the aspect [deg] to render: on the port side if the ship is symmetric."""
-    if aspect <= 180 or skip == "none" or not meshes.is_symmetric(hull):
+    if aspect <= 180 or skip == "none" or not meshes.is_symmetric(mesh_source):
         return aspect
     return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
 
 
 @plain(uses=(Grid, Render))
-def drawn_range(hull: Hull, range: float, tolerance: float | None, skip: str) -> float | None:
+def drawn_range(
+    mesh_source: MeshSource, range: float, tolerance: float | None, skip: str
+) -> float | None:
     """Return the slant range [m] to draw a ship at, or None in the far field."""
     if skip == "none":
         return range
-    return ncti.render.drawn_range(meshes.reach(hull), range, tolerance=tolerance)
+    return ncti.render.drawn_range(meshes.reach(mesh_source), range, tolerance=tolerance)
 
 
 sampling = plain(uses=(Render,), reads={"engine": "drawing_engine"}, name="sampling")(Sampling)
@@ -284,7 +286,7 @@ def image_stages(
     return range_stage, sampling_stage, depression_stage, replace(image, name=name, reads=reads)
 
 
-def looks(sensor: str) -> Condition:
+def uses_sensor(sensor: str) -> Condition:
     """Return the condition that a sensor is among those of the sweep."""
     return lambda choices: sensor in choices.value(Sweep.sensor)
 
@@ -331,8 +333,8 @@ WORDS = {Sweep.sensor: "SENSOR"}
 
 
 STAGES = (
-    hull,
-    hulls,
+    mesh_source,
+    mesh_sources,
     drawing_engine,
     depression,
     mesh,

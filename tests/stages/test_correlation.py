@@ -127,7 +127,7 @@ def matched(aspects, left_out, learned_every=1):
 
     def answer():
         see = classifier.to_vectors
-        answers.update(correlation.match_views(*profiles, valid, known, left_out, see=see))
+        answers.update(correlation.match_views(*profiles, valid, known, left_out, to_vectors=see))
 
     peak_bytes = peak_memory(answer)
     vectors = (classifier.profile_vectors(expected)[None], classifier.profile_vectors(averaged))

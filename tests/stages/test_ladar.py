@@ -20,7 +20,7 @@ SIGNAL = {"pulse_width": 30e-9, "target_free_ifovs": 100}
 
 @pytest.fixture(scope="module")
 def image():
-    mesh = views.mesh(views.hull(ship_name("duncan")))
+    mesh = views.mesh(views.mesh_source(ship_name("duncan")))
     return views.image(mesh, 63.0, 3.84, None, Sampling("embree", 0.5, 0, views.ROLL), ())
 
 
@@ -68,7 +68,7 @@ def place_of(drawn_aspect=300.0, **other):
     """Place of the ship in an average, by the names of the settings that it depends on."""
     view = {"ship": "duncan", "aspect": 300.0, "range": 100e3, "replicate": 0, "seed": 0}
     return called(
-        ladar.seen_shift, **view | {"place": "random", "drawn_aspect": drawn_aspect} | other
+        ladar.ifov_offset, **view | {"place": "random", "drawn_aspect": drawn_aspect} | other
     )
 
 
@@ -76,8 +76,10 @@ def place_of(drawn_aspect=300.0, **other):
 def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place):
     """So that the place seen is that of the view, and IFOVs have the numbers of a view drawn."""
     place_seen, drawn = place_of(place=place), place_of(60.0, place=place)
-    assert (place_seen == drawn == ladar.shift()) if place == "corner" else place_seen != drawn
-    assert repr(place_of(60.0, place="corner")) == repr(ladar.shift())  # one cell
+    assert (
+        (place_seen == drawn == ladar.corner_offset()) if place == "corner" else place_seen != drawn
+    )
+    assert repr(place_of(60.0, place="corner")) == repr(ladar.corner_offset())  # one cell
     extent = ladar.ifovs(ladar.extent(image, slant_range=100e3, shift=drawn), 300.0, 60.0)
     assert extent.shift == place_seen
 
@@ -96,8 +98,8 @@ def test_places_are_uniform_and_of_each_draw_alone():
 
 
 def test_a_window_holds_every_ship_with_both_ends_free():
-    hull = views.hull(ship_name("spruance"))
-    reach = np.linalg.norm(meshes.read_mesh(hull).vertices, axis=1).max()
+    mesh_source = views.mesh_source(ship_name("spruance"))
+    reach = np.linalg.norm(meshes.read_mesh(mesh_source).vertices, axis=1).max()
     pulse = 30e-9 * SPEED_OF_LIGHT / math.sqrt(2)
     needed = (2 * reach + pulse) / (1 - 2 * EDGE)
     ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) + 1e-6))

@@ -12,7 +12,13 @@ from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.stages import classifier
 from sweeps.stages.acn import profile_order
-from sweeps.stages.measured import KINDS, acn_settings, measured, namer, training_method
+from sweeps.stages.measured import (
+    KINDS,
+    acn_settings,
+    measured,
+    trained_classifier,
+    training_method,
+)
 from sweeps.stages.mnn import Mnn, mnn_settings
 
 SHIPS, ASPECTS, BINS = ("a", "b", "c"), (0.0, 30.0, 60.0, 90.0), 120
@@ -66,7 +72,9 @@ def named(signatures, name, unknown=None, **changes):
     """Names that a classifier trained on synthetic signatures gives to measured ones."""
     known = signatures[:, :, LEARNED]
     learned = classifier.training_views(SHIPS, ASPECTS, unknown, None, None, ())
-    trained = namer(training_views(name, **changes), known, ALL, learned, ASPECTS, Fixed())
+    trained = trained_classifier(
+        training_views(name, **changes), known, ALL, learned, ASPECTS, Fixed()
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         return measured(trained, signatures, ALL)

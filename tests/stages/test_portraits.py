@@ -25,10 +25,14 @@ def test_a_transform_counts_in_the_key_of_results(tmp_path, monkeypatch):
     turned.export(tmp_path / "hull.stl")
     monkeypatch.chdir(tmp_path)
     turned, same, other = (
-        views.hull(ship(path="hull.stl", up=up, scale=0.001)) for up in ("y", "y", "-y")
+        views.mesh_source(ship(path="hull.stl", up=up, scale=0.001)) for up in ("y", "y", "-y")
     )
     assert value_token(turned) == value_token(same) != value_token(other)
     plain = ncti.ships.digest("duncan")
-    assert views.hull(ship(path="duncan")).digest == views.hull(ship_name("duncan")).digest == plain
+    assert (
+        views.mesh_source(ship(path="duncan")).digest
+        == views.mesh_source(ship_name("duncan")).digest
+        == plain
+    )
     np.testing.assert_allclose(meshes.read_mesh(turned).extents, (60, 10, 21), atol=1e-5)
     assert meshes.description(turned).length == pytest.approx(60)

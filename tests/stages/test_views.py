@@ -29,13 +29,13 @@ def test_a_hull_is_what_is_in_its_file(box, tmp_path):
     """Wherever it lies, and whatever it is called."""
     copy = tmp_path / "again.stl"
     copy.write_bytes(box.read_bytes())
-    first, second = (views.hull(ship_name(str(path))) for path in (box, copy))
+    first, second = (views.mesh_source(ship_name(str(path))) for path in (box, copy))
     assert value_token(first) == value_token(second)
-    assert value_token(first) != value_token(views.hull(ship_name("duncan")))
+    assert value_token(first) != value_token(views.mesh_source(ship_name("duncan")))
 
 
 def test_a_ship_that_changed_is_refused(box):
-    before = views.hull(ship_name(str(box)))
+    before = views.mesh_source(ship_name(str(box)))
     mesh = trimesh.creation.box((41.0, 8.0, 6.0))
     mesh.apply_translation((0, 0, 3.0))
     mesh.export(box)
@@ -64,9 +64,9 @@ def test_many_ships_are_built_before_they_are_checked(tmp_path, monkeypatch, cap
 
 
 def image_of(aspect, samples=20_000):
-    hull = views.hull(ship_name("duncan"))
+    mesh_source = views.mesh_source(ship_name("duncan"))
     view = (aspect, 3.84, None, Sampling("embree", 0.25, samples, views.ROLL), ())
-    return views.image(views.mesh(hull), *view)
+    return views.image(views.mesh(mesh_source), *view)
 
 
 def test_ends_are_drawn_finer_than_broadsides():
@@ -106,5 +106,5 @@ def test_depressions_are_of_the_scene():
 def test_a_ship_is_drawn_at_its_range_unless_the_far_field_costs_a_tenth_of_the_tolerance(
     tolerance, skip, drawn
 ):
-    hull = views.hull(ship_name("duncan"))
-    assert views.drawn_range(hull, 100e3, tolerance, skip) == drawn
+    mesh_source = views.mesh_source(ship_name("duncan"))
+    assert views.drawn_range(mesh_source, 100e3, tolerance, skip) == drawn

@@ -18,7 +18,7 @@ SOUNDER = '''
 from pathlib import Path
 
 from sweeps import Group, Output, Settings, number
-from sweeps.stages.views import Grid, looks
+from sweeps.stages.views import Grid, uses_sensor
 
 SENSOR = "sounder"
 CONF = Path(__file__).with_name("sounder_conf")
@@ -30,7 +30,7 @@ class Sounder(Settings, key="sounder"):
     offset = number(1.0, 0, 10, unit="m", label="depth of the sounder", single="dimension")
 
 
-DEPTHS = Group("depths", looks(SENSOR), uses=(Grid, Sounder))
+DEPTHS = Group("depths", uses_sensor(SENSOR), uses=(Grid, Sounder))
 
 
 @DEPTHS.stage(Output("depth", label="depth", unit="m"))

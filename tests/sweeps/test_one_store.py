@@ -28,7 +28,7 @@ def test_a_store_grows_by_what_is_new(whole_store, folder):
     assert contents(store) == contents(whole_store)
     counts = {name: (progress.done, progress.reused) for name, progress in grown.progress.items()}
     # At one place on the grid of IFOVs tests, templates and expected profiles share an extent.
-    extents = [counts[name] for name in ("extent", "seen_extent", "placed_extent")]
+    extents = [counts[name] for name in ("extent", "offset_extent", "placed_extent")]
     assert sorted(extents) == [(0, 4), (0, 4), (2, 4)]
     new = 2 * 3 * 2 - 4
     assert sorted((counts["expected"], counts["placed_profile"])) == [(0, 4), (new, 4)]

@@ -31,10 +31,10 @@ def drawn_in_sweeps(
     slant_range: float, tolerance: float = TOLERANCE, *, view: View = TEXAS, skip: str = "all"
 ) -> RangeExtent:
     """Range extent of a ship at a range [km], by the stages of a sweep."""
-    hull = views.hull(ship_name(view.ship))
-    drawn = views.drawn_range(hull, slant_range * 1e3, tolerance, skip)
+    mesh_source = views.mesh_source(ship_name(view.ship))
+    drawn = views.drawn_range(mesh_source, slant_range * 1e3, tolerance, skip)
     arguments = (drawn, Sampling(views.LINES, PIXEL, 0, ROLL), (tolerance, PULSE * 1e-9, 1.0))
-    image = views.image(views.mesh(hull), view.aspect, view.depression, *arguments)
+    image = views.image(views.mesh(mesh_source), view.aspect, view.depression, *arguments)
     extent = ladar.extent(image, slant_range=slant_range * 1e3)
     return ladar.ifovs(extent, view.aspect, view.aspect)
 

@@ -39,7 +39,7 @@ def to_make(*overrides):
     """Range extents of learned and tested views that a sweep with an empty cache makes."""
     schedule = Schedule(plan_of(*overrides))
     schedule.look_up(CellIndex(Objects(Path("none")), print))
-    extents = {"extent", "seen_extent", "placed_extent"}
+    extents = {"extent", "offset_extent", "placed_extent"}
     return sum(cells for bound, cells, _ in schedule.missing_cells if bound.name in extents)
 
 
@@ -71,7 +71,7 @@ def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
     assert to_make(corner) == 8 * views
     assert to_make() == (8 + 1) * views
     assert to_make("grid.replicate=3") == (8 + 3) * views
-    assert keys("seen_extent", corner) == keys("extent") == keys("extent", "grid.replicate=3")
+    assert keys("offset_extent", corner) == keys("extent") == keys("extent", "grid.replicate=3")
     assert keys("expected") < keys("placed_profile")
     assert keys("expected") == keys("placed_profile", "classifier.template_places=1")
     # Views that are not learned are no templates.
@@ -84,7 +84,7 @@ def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
 @pytest.mark.parametrize("number", [0, 1, 5])
 def test_the_place_of_a_template_drawn_from_the_other_side_is_mirrored(number):
     shift, mirrored_shift = (
-        likelihood.template_shift(number, "duncan", 300.0, side, None, None, None, None, ())
+        likelihood.template_offset(number, "duncan", 300.0, side, None, None, None, None, ())
         for side in (300.0, 60.0)
     )
     assert shift == spread_place(number)

@@ -20,7 +20,7 @@ from sweeps.report import stores as report_stores
 from sweeps.report.confusion import confusion_frame, read_predictions
 from sweeps.report.frames import read_frames
 from sweeps.stages.classifier import classifies_with
-from sweeps.stages.views import STATUS, Grid, looks
+from sweeps.stages.views import STATUS, Grid, uses_sensor
 
 SENSOR = NAME = "toy"
 DRAUGHT = {"duncan": 4.5, "spruance": 6.3, "texas": 8.0}
@@ -33,7 +33,7 @@ class Toy(Settings, key="toy"):
     scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", single=COORDINATE)
 
 
-KEELS = Group("toy", looks(SENSOR), (Grid, Toy), status=STATUS)
+KEELS = Group("toy", uses_sensor(SENSOR), (Grid, Toy), status=STATUS)
 ANSWERS = Group("classification/toy", classifies_with(NAME, SENSOR), (Grid,), status=Status("toy"))
 
 
@@ -71,7 +71,7 @@ def tabulate(answers, choices):
 
 def check(choices):
     """Refuse ships whose draught nobody knows."""
-    for ship in choices[Grid.ship] if looks(SENSOR)(choices) else ():
+    for ship in choices[Grid.ship] if uses_sensor(SENSOR)(choices) else ():
         if ship not in DRAUGHT:
             raise ConfigurationError(f"grid.ship has {ship!r}, but toy knows {', '.join(DRAUGHT)}")
     return choices
