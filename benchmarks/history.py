@@ -262,7 +262,7 @@ def report(entries: Sequence[Entry]) -> Report:
 
 def draw(entries: Sequence[Entry]) -> Figure:
     """Return a figure of error and time of every way, entry by entry."""
-    from matplotlib.figure import Figure  # takes long to import
+    from matplotlib.figure import Figure
 
     days = list(dict.fromkeys((entry.date, entry.version) for entry in entries))
     figure = Figure(figsize=(8, 3.6), layout="constrained")

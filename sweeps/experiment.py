@@ -126,7 +126,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
 
 def _compile(loops: Loops) -> None:
-    from ncti.compiled import keep  # numba takes long to import
+    from ncti.compiled import keep
 
     keep(loops)
 

@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 
 SENSOR = "benchmark"
 CONF = Path(__file__).with_name("conf")
-IMPORTS = (  # by its stages, when they are called; takes long
+IMPORTS = (
     *("ncti.classify.likelihood", "ncti.classify.gain_annealed", "ncti.classify.baselines"),
     *("sklearn.ensemble", "sklearn.neural_network", "sklearn.discriminant_analysis"),
 )

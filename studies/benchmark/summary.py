@@ -114,7 +114,6 @@ def interval(values: Floats, minimum: float, maximum: float) -> tuple[float, flo
     `values` (seed,) count unless NaN; the interval ends within `minimum` and `maximum`, and is NaN
     for fewer than two values.
     """
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import stdtrit
 
     finite = values[np.isfinite(values)]

@@ -92,7 +92,6 @@ def _after_pulse(
     seen: Seen, pulse_width: float, bin_width: float, bins: int
 ) -> tuple[Indices, Floats]:
     """Return the power of every IFOV in its bins, and their flat indices in (view, bin)."""
-    # Imported here because scipy takes a tenth of a second.
     from scipy.sparse import csr_array, diags_array
 
     response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
@@ -189,7 +188,6 @@ class ProfileMatch:
         *,
         floor_sigma: float,
     ) -> None:
-        # Imported here because scipy takes a tenth of a second.
         from scipy.linalg import eigh
 
         learned = np.asarray(templates, dtype=np.float64)

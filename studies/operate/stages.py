@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 SENSOR = "operate"
 CONF = Path(__file__).with_name("conf")
-IMPORTS = ("scipy.sparse", "scipy.linalg")  # by its stages, when they are called; take long
+IMPORTS = ("scipy.sparse", "scipy.linalg")
 
 
 class Operate(Settings, key="operate"):

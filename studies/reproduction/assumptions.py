@@ -134,7 +134,6 @@ def assumed(number: int, *, seed: int = 0) -> dict[str, Any]:
     """
     require("number", number, whole=True, minimum=0, below=2**30)
     require("seed", seed, whole=True, minimum=0)
-    # Imported here because scipy.stats takes half a second.
     from scipy.stats.qmc import Sobol
 
     series = Sobol(len(PRIORS), scramble=True, seed=int(seed))

@@ -61,7 +61,6 @@ def acn_scores(
     learning rate. A vector without a category, such as the map of an empty silhouette, counts as
     wrong.
     """
-    # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
     from ncti.classify import AdaptiveClusteringNetwork

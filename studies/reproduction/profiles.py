@@ -131,7 +131,6 @@ def averaged_profiles(
         raise ValueError(
             f"frame_counts is {frame_counts!r}, but must be whole numbers that fall, to at least 1"
         )
-    # Imported here because scipy takes a tenth of a second.
     from scipy.linalg import cholesky_banded
 
     mean, band = banded_frame_moments(
@@ -175,7 +174,6 @@ def mnn_scores(
     `templates` (view, bin) are learned, `tests` (draw, frame_count, view, bin) tested. An answer is
     right if both ship and aspect bin are.
     """
-    # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
     from ncti.classify import GainAnnealedNetwork

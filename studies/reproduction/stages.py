@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 SENSOR = "reproduce"
 CONF = Path(__file__).with_name("conf")
-# By its stages, when they are called; takes long.
 IMPORTS = ("ncti.classify.adaptive_clustering", "ncti.classify.gain_annealed", "scipy.stats.qmc")
 ENDS = (0.025, 0.975)  # of a posterior
 JUDGED = (2, 3, 4, 5)  # tables of the article

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 SENSOR = "run_time"
 CONF = Path(__file__).with_name("conf")
-IMPORTS = ("studies.run_time.accuracy",)  # by its stages, when they are called; takes long
+IMPORTS = ("studies.run_time.accuracy",)
 VIEWS, VIEW_SETTINGS = ("ship", "aspect"), (Grid.ship, Grid.aspect)
 SPREAD, BIN_WIDTH = 0.5, 1.0
 STANDARD = Sampling("embree", 0.25, 0, ROLL)  # of the views that others are timed beside

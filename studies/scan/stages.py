@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 SENSOR = "scan"
 CONF = Path(__file__).with_name("conf")
-IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
+IMPORTS = ("ncti.classify.likelihood",)
 BARGE, NO_DECOY = "barge", "none"
 DECOY = "decoy"  # name of the last target
 DEGREE = Unit("degree", math.pi / 180)

@@ -129,7 +129,7 @@ class Survey:
 @lru_cache(maxsize=4)
 def box(length: float, beam: float, height: float) -> trimesh.Trimesh:
     """Return a floating box as a decoy, sides in metres, its origin amidships on the waterline."""
-    import trimesh  # takes long
+    import trimesh
 
     solid = trimesh.creation.box(extents=(length, beam, height))
     solid.apply_translation((0.0, 0.0, height / 2))

@@ -93,7 +93,7 @@ class VisitTemplates:
         return lru_cache(maxsize=FITTED)(self._fit)
 
     def _fit(self, ifovs: int) -> GaussianTemplates:
-        from ncti.classify.likelihood import GaussianTemplates  # takes long
+        from ncti.classify.likelihood import GaussianTemplates
 
         empty = np.maximum(ifovs - self.ifovs, 0)
         mean = self.mean + empty[:, None] * self.noise[0]

@@ -14,7 +14,7 @@ from sweeps.stages.classifier import NONE, Classifier, Indices, Mask
 from sweeps.stages.refusals import refuse
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
-IMPORTS = ("ncti.classify.baselines",)  # by its stages, when they are called; takes long
+IMPORTS = ("ncti.classify.baselines",)
 NAME = "correlation"
 ANSWERS = classifier.of_profiles(NAME, "training", "left_out")
 EXPECTED, NOISY = "expected", "noisy"
@@ -97,7 +97,6 @@ def match_views(
     (view, bin) vectors; or `to_vectors` converts both, block by block. `left_out` excludes
     templates of a test's own aspect.
     """
-    # Imported here because scikit-learn takes a second.
     from ncti.classify.baselines import NO_TEMPLATE, CorrelationNeighbour
 
     ship, aspect = np.indices(valid.shape).reshape(2, -1)

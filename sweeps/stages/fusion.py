@@ -91,7 +91,6 @@ def silhouette_constants(
     They are fitted to silhouettes of learned views, whose cosines to each other are held for one
     number of frames at a time. See `ncti.classify.calibration.fit_held_out_phases`.
     """
-    # Imported here because scikit-learn takes a second.
     from ncti.classify.calibration import fit_held_out_phases
 
     learned = np.flatnonzero(valid.all(axis=0) & training_views)
@@ -123,7 +122,6 @@ def profile_outlier_fraction(
 
     See `ncti.classify.calibration.fit_outlier_fraction`.
     """
-    # Imported here because scipy takes a second.
     from ncti.classify.calibration import fit_outlier_fraction
 
     seed, (templates, _) = int(rng.integers(2**63)), profile_templates

@@ -63,7 +63,6 @@ if TYPE_CHECKING:
 
 SENSOR = views.INFRARED
 OPENGL = ("osmesa", "egl")  # engines whose hits `ncti.render.mask` has, too
-# By its stages, when they are called; takes long.
 IMPORTS = ("ncti.infrared.cells", "scipy.ndimage")
 LOOK = ("range", "super_resolution", "frame_count")  # of its dimensions
 

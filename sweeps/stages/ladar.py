@@ -42,7 +42,6 @@ from sweeps.stages.views import (
 )
 
 SENSOR = RANGE
-# Imported by stages when they are called, because it takes long.
 IMPORTS = ("ncti.ladar.pixels", "ncti.ladar.waveforms", "ncti.normals")
 PROFILES = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")

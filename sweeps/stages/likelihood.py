@@ -29,7 +29,7 @@ from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
-IMPORTS = ("ncti.classify.likelihood",)  # by its stages, when they are called; takes long
+IMPORTS = ("ncti.classify.likelihood",)
 NAME = "likelihood"
 ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
 WITH_MOMENTS[NAME] = {RANGE}
@@ -144,7 +144,6 @@ class Moments:
         Their floor, which the target's gain does not scale, is the level at the window's edge:
         noise, including that of the ship's own IFOVs.
         """
-        # Imported here because scikit-learn takes a second.
         from ncti.classify.likelihood import GaussianTemplates
 
         places = range(len(self.placed_profile))

@@ -22,7 +22,7 @@ from sweeps.stages.views import Arrays, Grid, Profiles
 if TYPE_CHECKING:
     from ncti.classify.gain_annealed import GainAnnealedNetwork
 
-IMPORTS = ("ncti.classify.gain_annealed",)  # by its stages, when they are called; takes long
+IMPORTS = ("ncti.classify.gain_annealed",)
 NAME = "mnn"
 ANSWERS = classifier.of_profiles(
     NAME, "epochs", "grow_every", "mnn_learning_rate", "tolerance", "inputs", "annealing"
@@ -111,7 +111,6 @@ def mnn_training(
     -----
     Article, 'Modified Neural Network'. An answer is right when ship and bin are.
     """
-    # Imported here because scikit-learn takes a second.
     from sklearn.exceptions import ConvergenceWarning
 
     from ncti.classify.gain_annealed import GainAnnealedNetwork

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     from ncti.render.mask import Mask
 
-IMPORTS = ("trimesh",)  # by its stages, when they are called; takes long
+IMPORTS = ("trimesh",)
 RANGE, INFRARED, IRAR = "range", "infrared", "irar"
 MAX_FRAMES = 10_000
 SHAPES = "it shapes arrays"  # why a setting takes one value only
