@@ -23,6 +23,7 @@ from sweeps.engine.declare.kinds import (
 from sweeps.engine.declare.settings import Joint, Run, Setting, flatten, nested, read_choices
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.keys import digest
+from sweeps.engine.resolve.modules import save_parsed_modules
 from sweeps.engine.resolve.plan import Plan
 
 SHARED_ATTRIBUTES = ("version", "seed")  # attributes that every group of a store repeats
@@ -129,7 +130,7 @@ def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[
 
 
 def _display_digest(plan: Plan) -> str:
-    """Return the hash of all that a store displays besides results: labels, units, tables."""
+    """Return the hash of all that a store displays besides results: labels, units, its tables."""
     experiment = plan.experiment
     settings = [
         (setting.key, setting.name, setting.label, setting.unit) for setting in experiment.declared
@@ -138,7 +139,9 @@ def _display_digest(plan: Plan) -> str:
     tables = [
         (table.group, table.of, _code_digest(table.make, plan), *map(repr, table.displays))
         for table in experiment.tables
+        if table.when(plan.choices)
     ]
+    save_parsed_modules()
     return digest(repr([settings, stages, tables]))
 
 
