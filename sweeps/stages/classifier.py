@@ -196,18 +196,38 @@ def test_aspects(aspect: tuple[float, ...], random_aspects: int, seed: int) -> t
     return draw_aspects(aspect[0], aspect[-1], random_aspects, seed)
 
 
+@dataclass(frozen=True)
+class AspectSelection:
+    """Aspects to learn: given ones, or all except test aspects; then multiples of a spacing."""
+
+    training_aspect: tuple[float, ...] | None
+    template_spacing: float | None
+    test_aspects: tuple[float, ...]
+
+    def mask(self, aspect: Sequence[float]) -> Mask:
+        """Return the (aspect,) mask of aspects in the training set."""
+        if self.training_aspect is None:
+            learned = ~np.isin(aspect, self.test_aspects)
+        else:
+            learned = np.isin(aspect, self.training_aspect)
+        if self.template_spacing is not None:
+            steps = np.array(aspect) / self.template_spacing
+            learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
+        return learned
+
+
+aspect_selection = plain(uses=(Classifier,), name="aspect_selection")(AspectSelection)
+
+
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)
 def training_views(
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
     unknown: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
-    template_spacing: float | None,
-    test_aspects: tuple[float, ...],
+    aspect_selection: AspectSelection,
 ) -> Mask:
     """Return the (ship, aspect) mask of training views."""
-    learned = training_aspects(aspect, training_aspect, template_spacing, test_aspects)
-    return training_ships(ship, unknown)[:, None] & learned
+    return training_ships(ship, unknown)[:, None] & aspect_selection.mask(aspect)
 
 
 def training_ships(ship: tuple[str, ...], unknown: tuple[str, ...] | None) -> Mask:
@@ -215,19 +235,9 @@ def training_ships(ship: tuple[str, ...], unknown: tuple[str, ...] | None) -> Ma
     return ~np.isin(np.array(ship, dtype=str), np.array(unknown or (), dtype=str))
 
 
-def training_aspects(
-    aspect: tuple[float, ...],
-    training_aspect: tuple[float, ...] | None,
-    template_spacing: float | None,
-    test_aspects: tuple[float, ...],
-) -> Mask:
+def training_aspects(aspect: tuple[float, ...], aspect_selection: AspectSelection) -> Mask:
     """Return the (aspect,) mask of aspects in the training set."""
-    chosen = training_aspect
-    learned = ~np.isin(aspect, test_aspects) if chosen is None else np.isin(aspect, chosen)
-    if template_spacing is not None:
-        steps = np.array(aspect) / template_spacing
-        learned &= np.isclose(steps, np.round(steps), rtol=0, atol=1e-6)
-    return learned
+    return aspect_selection.mask(aspect)
 
 
 def training_marks(of: Group) -> tuple[Stage, Stage]:
@@ -248,7 +258,10 @@ def _views_by_spacing(choices: Choices) -> list[Mask]:
     arguments = (*(choices[setting] for setting in GATHERED), choices.value(Classifier.unknown))
     drawn = random_test_aspects(choices, choices[Grid.aspect])
     aspects = choices.value(Classifier.training_aspect)
-    return [training_views(*arguments, aspects, spacing, drawn) for spacing in choices[SPACING]]
+    return [
+        training_views(*arguments, AspectSelection(aspects, spacing, drawn))
+        for spacing in choices[SPACING]
+    ]
 
 
 def training_view_mask(choices: Choices) -> xr.DataArray:
@@ -519,6 +532,7 @@ WORDS = {Classifier.name: "NAME"}
 
 STAGES = (
     test_aspects,
+    aspect_selection,
     training_views,
     PROFILE_MARKS,
     IMAGE_MARKS,

@@ -21,7 +21,14 @@ from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plain, stage
 from sweeps.engine.resolve.keys import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Integers, Mask
+from sweeps.stages.classifier import (
+    GATHERED,
+    NONE,
+    AspectSelection,
+    Classifier,
+    Integers,
+    Mask,
+)
 from sweeps.stages.ladar import WITH_MOMENTS, Ladar, expected, extent, ifovs, mirror_offset
 from sweeps.stages.refusals import refuse
 from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
@@ -163,13 +170,10 @@ def alternative_views(
     ship: tuple[str, ...],
     aspect: tuple[float, ...],
     alternative: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
-    template_spacing: float | None,
-    test_aspects: tuple[float, ...],
+    aspect_selection: AspectSelection,
 ) -> Mask:
     """Return the (ship, aspect) mask of the templates of ships in `classifier.alternative`."""
-    learned = classifier.training_aspects(aspect, training_aspect, template_spacing, test_aspects)
-    return ~classifier.training_ships(ship, alternative)[:, None] & learned
+    return ~classifier.training_ships(ship, alternative)[:, None] & aspect_selection.mask(aspect)
 
 
 @plain(uses=(Grid, Classifier, Likelihood))
@@ -180,18 +184,15 @@ def template_offset(
     drawn_aspect: float,
     unknown: tuple[str, ...] | None,
     alternative: tuple[str, ...] | None,
-    training_aspect: tuple[float, ...] | None,
-    template_spacing: float | None,
-    test_aspects: tuple[float, ...],
+    aspect_selection: AspectSelection,
 ) -> Place:
     """Return the place of the ship origin in a template, mirrored if the other side is drawn.
 
     Views without templates are at the corner, so that they share the cells of expected profiles.
     """
-    selection = training_aspect, template_spacing, test_aspects
-    [of_aspect] = classifier.training_aspects((aspect,), *selection)
+    [is_learned] = aspect_selection.mask((aspect,))
     absent = set(unknown or ()) - set(alternative or ())
-    number = template_places if of_aspect and ship not in absent else 0
+    number = template_places if is_learned and ship not in absent else 0
     return mirror_offset(spread_place(number), aspect, drawn_aspect)
 
 

@@ -49,7 +49,8 @@ def called(stage, **given):
 
 def learned(unknown=None, training_aspect=None):
     """(ship, aspect): views of the cells below that are learned."""
-    return classifier.training_views(NAMED, ASPECTS, unknown, training_aspect, None, ())
+    selection = classifier.AspectSelection(training_aspect, None, ())
+    return classifier.training_views(NAMED, ASPECTS, unknown, selection)
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,9 @@ class Fixed:
 def named(signatures, name, unknown=None, **changes):
     """Names that a classifier trained on synthetic signatures gives to measured ones."""
     known = signatures[:, :, LEARNED]
-    learned = classifier.training_views(SHIPS, ASPECTS, unknown, None, None, ())
+    learned = classifier.training_views(
+        SHIPS, ASPECTS, unknown, classifier.AspectSelection(None, None, ())
+    )
     trained = trained_classifier(
         training_views(name, **changes), known, ALL, learned, ASPECTS, Fixed()
     )

@@ -7,7 +7,7 @@ from range_channel import choose
 
 from ncti.evaluate import replicated_accuracy, wilson_interval
 from sweeps.stages import classifier
-from sweeps.stages.classifier import tabulate_answers, training_views
+from sweeps.stages.classifier import AspectSelection, tabulate_answers, training_views
 
 GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
@@ -16,7 +16,7 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     expected = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(classifier.training_view_mask(choices), expected)
-    views = training_views(("a", "b"), (0.0, 1.5), ("b",), None, None, ())
+    views = training_views(("a", "b"), (0.0, 1.5), ("b",), AspectSelection(None, None, ()))
     np.testing.assert_array_equal(views, [[1, 1], [0, 0]])
 
 

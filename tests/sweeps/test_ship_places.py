@@ -16,6 +16,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import ladar, likelihood
+from sweeps.stages.classifier import AspectSelection
 
 GIVEN = (
     *(*FAST, "grid.ship=[duncan,spruance]", "grid.aspect=[0,60]", "grid.frame_count=[2,16]"),
@@ -84,7 +85,9 @@ def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
 @pytest.mark.parametrize("number", [0, 1, 5])
 def test_the_place_of_a_template_drawn_from_the_other_side_is_mirrored(number):
     shift, mirrored_shift = (
-        likelihood.template_offset(number, "duncan", 300.0, side, None, None, None, None, ())
+        likelihood.template_offset(
+            number, "duncan", 300.0, side, None, None, AspectSelection(None, None, ())
+        )
         for side in (300.0, 60.0)
     )
     assert shift == spread_place(number)
