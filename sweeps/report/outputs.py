@@ -7,17 +7,16 @@ Imports nothing that takes long.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import re
 import uuid
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from ncti.ships.errors import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
+from sweeps.engine.store.locks import folder_lock
 
 SUFFIX = ".zarr"
 WRITTEN = ".written"  # the list of a folder
@@ -82,7 +81,7 @@ def write_own_files(
     if os.path.lexists(folder) and not folder.is_dir():
         return [folder]
     folder.mkdir(FOLDER, exist_ok=True)
-    with _folder_lock(folder):
+    with folder_lock(folder):
         listed = _read_list(folder / WRITTEN)
         if listed is None:
             return [folder / WRITTEN]
@@ -115,21 +114,6 @@ def _write_list(folder: Path, listed: Listed) -> None:
     path, content = folder / WRITTEN, "".join(lines).encode()
     if (content or path.exists()) and not _has_digest(path, (_digest(content),)):
         write_atomically(path, content)
-
-
-@contextmanager
-def _folder_lock(folder: Path) -> Iterator[None]:
-    """Wait for the lock of a folder, which the operating system releases with a process.
-
-    Where the file system has no locks, nothing is locked.
-    """
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        with suppress(OSError):
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def seal_page(page: str) -> bytes:

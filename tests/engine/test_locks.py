@@ -83,6 +83,15 @@ def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
             assert silence(path) == 0.0
 
 
+def test_a_lock_is_no_link_to_another_file(tmp_path):
+    victim, lock = tmp_path / "victim", tmp_path / ".s.zarr.lock"
+    victim.write_text("kept")
+    lock.symlink_to(victim)
+    with pytest.raises(ConfigurationError, match="nothing can be locked"):
+        store_lock(tmp_path / "s.zarr").__enter__()
+    assert victim.read_text() == "kept"
+
+
 def beside(path):
     """The names of the locks beside a store."""
     above = path.parent if isinstance(path, Path) else path.rpartition("/")[0]

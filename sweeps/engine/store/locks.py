@@ -17,12 +17,10 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-
-from filelock import FileLock, Timeout
 
 from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, make_folder
 from sweeps.engine.declare.errors import ConfigurationError
@@ -32,7 +30,8 @@ from sweeps.engine.run.process import call_every
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead
 RENEW_INTERVAL = 10.0  # s between renewals
 POLL_INTERVAL = 1.0  # s between checks of the object of another owner
-LOCK_SECONDS = 0.1  # s to wait for the lock of a folder
+LOCK_SECONDS = 0.1  # s to wait for the lock of a store in a folder
+LOCK_FLAGS, LOCK_MODE = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644  # of its file
 OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 
 
@@ -112,21 +111,23 @@ Lock = tuple[Callable[[], None], Callable[[], None]]
 def _lock_file(folder: Path, name: str) -> Lock:
     """Lock a file, which `release` deletes."""
     make_folder(folder, PUBLIC_MODE)
-    path = folder / name
-    # Not at once: `silence` may hold it for a moment.
-    lock = FileLock(path, timeout=LOCK_SECONDS, poll_interval=LOCK_SECONDS / 10, thread_local=False)
-    try:
-        lock.acquire()
-    except Timeout:
-        owner = b""
-        with suppress(FileNotFoundError):  # it has just been released
-            owner = path.read_bytes()
-        raise _LockHeldError(owner) from None
-    path.write_text(_owner_text())
+    path, deadline = folder / name, time.monotonic() + LOCK_SECONDS
+    while True:
+        file = os.fdopen(os.open(path, LOCK_FLAGS, LOCK_MODE), "r+b", buffering=0)
+        with suppress(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(file.fileno()).st_nlink:  # else its owner has just deleted it
+                break
+        with file:
+            if time.monotonic() > deadline:  # not at once: `silence` may hold it for a moment
+                raise _LockHeldError(file.read())
+        time.sleep(LOCK_SECONDS / 10)
+    file.truncate(0)  # of a killed owner
+    file.write(_owner_text().encode())
 
     def release() -> None:
         path.unlink(missing_ok=True)  # a process that has just opened it makes another
-        lock.release()
+        file.close()
 
     return lambda: None, release
 
@@ -173,20 +174,26 @@ def _lock_object(parent: PathOrUrl, name: str) -> Lock:
     return check, release
 
 
-@contextmanager
-def cache_lock(folder: PathOrUrl, *, exclusive: bool = False) -> Iterator[None]:
+def cache_lock(folder: PathOrUrl, *, exclusive: bool = False) -> AbstractContextManager[None]:
     """Hold a shared or exclusive lock of a folder; BlockingIOError if an exclusive one is refused.
 
     Buckets and missing folders are not locked.
     """
-    if isinstance(folder, Path) and folder.is_dir():
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            with nullcontext() if exclusive else suppress(OSError):
-                mode = fcntl.LOCK_EX | fcntl.LOCK_NB if exclusive else fcntl.LOCK_SH
-                fcntl.flock(descriptor, mode)
-            yield
-        finally:
-            os.close(descriptor)
-    else:
+    if not (isinstance(folder, Path) and folder.is_dir()):
+        return nullcontext()
+    return folder_lock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB if exclusive else fcntl.LOCK_SH)
+
+
+@contextmanager
+def folder_lock(folder: Path, operation: int = fcntl.LOCK_EX) -> Iterator[None]:
+    """Hold a lock of a folder, which the operating system frees when the process ends.
+
+    Where the file system has no locks, nothing is locked. `fcntl.LOCK_NB` raises OSError instead.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with nullcontext() if operation & fcntl.LOCK_NB else suppress(OSError):
+            fcntl.flock(descriptor, operation)
         yield
+    finally:
+        os.close(descriptor)
