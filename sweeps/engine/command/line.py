@@ -8,7 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from io import TextIOWrapper
@@ -334,15 +334,14 @@ class Command:
         """
         check_cache_path(path)
         packs = open_packs(path, make=False)
-        index = CellIndex(packs, lambda sentence: say(self.name, sentence))
-        cells, size = index.size()
-        if limit is not None:
-            try:
-                with cache_lock(packs.path, exclusive=True):
-                    cells, size = index.prune(limit)
-            except BlockingIOError:
-                reason = "which a sweep uses; wait until it ends"
-                raise ConfigurationError(f"cache is {str(path)!r}, {reason}") from None
+        lock = nullcontext() if limit is None else cache_lock(packs.path, exclusive=True)
+        try:
+            with lock:
+                index = CellIndex(packs, lambda sentence: say(self.name, sentence))
+                cells, size = index.size() if limit is None else index.prune(limit)
+        except BlockingIOError:
+            reason = "which a sweep uses; wait until it ends"
+            raise ConfigurationError(f"cache is {str(path)!r}, {reason}") from None
         done = "kept" if limit is None else "removed"
         show(f"{cells} cells, {size / 1e6:.1f} MB {done} in {path}")
 
