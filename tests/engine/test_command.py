@@ -1,5 +1,6 @@
 """The command line: what it exits with, what it says, and that printing costs no results."""
 
+import errno
 import re
 import signal
 from dataclasses import replace
@@ -12,6 +13,7 @@ from forked import statuses
 from small_stores import files
 from toys import CALLS, SPRINGS, go
 
+from sweeps.engine.cache.objects import UNREACHABLE, Objects
 from sweeps.engine.command import line
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.kinds import format_value
@@ -86,6 +88,25 @@ def test_a_whole_sweep_and_the_same_again(start, tmp_path, capsys):
     CALLS.clear()
     assert command.main(arguments) == 0 and not CALLS and len(reported) == 2
     assert "springs: 0 cells to compute, 74 are in the store" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("number", "verb", "status"),
+    [
+        (errno.EACCES, "access", 2),
+        (errno.EMFILE, "access", 1),
+        (errno.EIO, "access", 1),
+        (errno.ENOSPC, "write", 1),
+        (UNREACHABLE, "reach", 1),
+    ],
+)
+def test_an_error_of_a_disk_is_one_sentence(start, capsys, monkeypatch, number, verb, status):
+    def fail(objects, under=""):
+        raise OSError(number, "no luck", "cache/cells")
+
+    monkeypatch.setattr(Objects, "list_objects", fail)
+    assert start("--cache") == status
+    assert capsys.readouterr().err == f"springs: cannot {verb} 'cache/cells': no luck\n"
 
 
 @pytest.mark.parametrize("kind", ["inline", "local"])

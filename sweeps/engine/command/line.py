@@ -59,6 +59,7 @@ from sweeps.engine.sweeping import RunOptions, SweepOutcome, extended_attributes
 ALL_DONE, SOME_FAILED, INVALID = 0, 1, 2
 RESUME_HINT = "the same command resumes the sweep"
 PRUNE = "prune="  # before the size to which --cache prunes
+FULL_DISK = {errno.ENOSPC, errno.EDQUOT}
 HELP, MULTIRUN = {"-h", "--help"}, {"-m", "--multirun"}
 
 Report = Callable[[PathOrUrl, Choices, SweepOutcome], None]
@@ -122,11 +123,11 @@ class Command:
             return f"out of memory ({error}); {RESUME_HINT}", SOME_FAILED
         except OSError as error:
             location = f" {error.filename!r}" if error.filename else ""
-            verb = "read" if error.errno in RESOURCE_ERRORS else "write"
+            verb = "write" if error.errno in FULL_DISK else "access"
             verb = "reach" if error.errno == UNREACHABLE else verb
-            disk = {errno.ENOSPC, errno.EDQUOT, errno.EIO} | RESOURCE_ERRORS
             message = f"cannot {verb}{location}: {error.strerror or error}"
-            return message, SOME_FAILED if error.errno in disk else INVALID
+            temporary = {errno.EIO, *FULL_DISK, *RESOURCE_ERRORS}
+            return message, SOME_FAILED if error.errno in temporary else INVALID
 
     def _dispatch(self, words: Sequence[str]) -> None:
         experiment = self.experiment
