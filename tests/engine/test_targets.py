@@ -104,12 +104,15 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
 
 
 @pytest.mark.parametrize("mask", [0, 0o022, 0o077])
-def test_others_never_write_a_store(tmp_path, mask, umask):
+def test_others_never_write_a_store(tmp_path, mask, umask, monkeypatch):
     umask(mask)
+    masks = []  # that other threads see
+    monkeypatch.setattr(os, "umask", lambda new: masks.append(new) or umask(new))
     write_store(tmp_path / "new" / "s.zarr", small(1), {})
     paths = [tmp_path / "new", *(tmp_path / "new").rglob("*")]
     modes = {path.is_dir(): stat.S_IMODE(path.stat().st_mode) for path in paths}
     assert modes == {True: 0o755 & ~mask, False: 0o644 & ~mask}
+    assert masks and all(seen & mask == mask for seen in masks)
     assert len({(path.is_dir(), path.stat().st_mode) for path in paths}) == 2
 
 
