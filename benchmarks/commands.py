@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.processes import Run, watch
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.schedule import Callbacks
 from sweeps.engine.sweeping import RunOptions
 from sweeps.engine.sweeping import sweep as sweep_plan
 from sweeps.stages.meshes import cache_folder
@@ -91,5 +91,5 @@ def complete_sweep(plan: Plan, options: RunOptions) -> None:
     RuntimeError
         If a cell fails.
     """
-    for cell, reason in sweep_plan(plan, options, Watch(lambda sentence: None)).failures:
+    for cell, reason in sweep_plan(plan, options, Callbacks(lambda sentence: None)).failures:
         raise RuntimeError(f"{cell}: {reason}")

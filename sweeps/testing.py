@@ -19,7 +19,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.run.execution import call_each, execute
 from sweeps.engine.run.process import one_thread
-from sweeps.engine.run.schedule import MAX_TASK_CELLS, Schedule, Watch
+from sweeps.engine.run.schedule import MAX_TASK_CELLS, Callbacks, Schedule
 from sweeps.engine.run.tasks import drop_objects, run_batches
 
 
@@ -52,7 +52,7 @@ def check_pure(
         schedule.look_up(index)
         executor = InlineExecutor()
         call_each(experiment.prepare(choices, _ignore), executor, lambda: None)
-        failures = execute(schedule, executor, index, Watch(_ignore))
+        failures = execute(schedule, executor, index, Callbacks(_ignore))
         problems = [f"{name} failed: {reason}" for name, reason in failures]
         compared: Counter[str] = Counter()
         for bound, results in schedule.results.items():

@@ -422,7 +422,7 @@ def displays(labels: dict[str, str]) -> tuple[Display, ...]:
         Display(
             SENSOR,
             "Ships named correctly [%], by split",
-            (_percent("accuracy", "percent_correct", beside={"n": "accuracy_n"}),),
+            (_percent("accuracy", "percent_correct", extra_columns={"n": "accuracy_n"}),),
             rows=tuple(labels),
             columns=Benchmark.split.name,
             labels=labels,
@@ -460,7 +460,7 @@ def displays(labels: dict[str, str]) -> tuple[Display, ...]:
 DIFFERENCE = Display(
     f"{SENSOR}_differences",
     f"Ships named correctly more often than by {REFERENCE} [%]",
-    (_percent("difference", "percent_more", beside={"p_value": "p_value"}),),
+    (_percent("difference", "percent_more", extra_columns={"p_value": "p_value"}),),
     rows=("classifier",),
     columns=Benchmark.split.name,
     notes=(INTERVAL + " p_value: McNemar's test of the views of all seeds.",),

@@ -33,7 +33,7 @@ from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped, with_signal_check
 from sweeps.engine.run.process import environment
-from sweeps.engine.run.schedule import Progress, Schedule, Watch
+from sweeps.engine.run.schedule import Callbacks, Progress, Schedule
 from sweeps.engine.run.tasks import DamagedResults
 from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.locks import cache_lock, store_lock
@@ -97,7 +97,7 @@ def extended_attributes(path: PathOrUrl, plan: Plan) -> Mapping[str, object] | N
     return attributes
 
 
-def sweep(plan: Plan, options: RunOptions, watch: Watch) -> SweepOutcome:
+def sweep(plan: Plan, options: RunOptions, callbacks: Callbacks) -> SweepOutcome:
     """Compute all missing cells of a plan, and write its store; see `check_targets` for its path.
 
     Raises
@@ -115,14 +115,14 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> SweepOutcome:
         if isinstance(packs := options.packs.path, Path):
             make_folder(packs, PRIVATE_MODE)
         stack.enter_context(cache_lock(packs))
-        index = CellIndex(options.packs, watch.say, plan.identity.values())
+        index = CellIndex(options.packs, callbacks.say, plan.identity.values())
         attributes = extended_attributes(options.store, plan)
         if LOG.isEnabledFor(logging.DEBUG):
             for name, reasons in differences(plan, attributes or {}):
                 LOG.debug("%s differs from the store in: %s", name, ", ".join(reasons))
-        if attributes is not None and is_complete(plan, options.store, attributes, watch.say):
+        if attributes is not None and is_complete(plan, options.store, attributes, callbacks.say):
             LOG.debug("store is reused: it has all of the sweep, and is undamaged")
-            finished = _reuse_store(plan, index, watch)
+            finished = _reuse_store(plan, index, callbacks)
         elif options.partial and attributes is not None and PARTIAL not in attributes:
             raise ConfigurationError(
                 f"store is {str(options.store)!r}, a complete store; partial=true would drop "
@@ -130,14 +130,14 @@ def sweep(plan: Plan, options: RunOptions, watch: Watch) -> SweepOutcome:
             )
         else:
             crash_free = _crash_free_stages(plan, attributes or {})
-            finished = _compute_and_write(plan, options, index, watch, check, crash_free)
+            finished = _compute_and_write(plan, options, index, callbacks, check, crash_free)
         size = 0
         with suppress(OSError):  # the store is complete even if the cache fails now
             size = sum(options.packs.sizes().values()) if finished.written else 0
         if size > options.cache_limit:
             limit = f"{options.cache_limit / 1e9:g} GB"
             prune = f"{plan.experiment.name} --cache prune={limit.replace(' ', '')}"
-            watch.say(
+            callbacks.say(
                 f"{options.cache} has {size / 1e9:.1f} GB, more than cache_limit, {limit}; "
                 f"`{prune}` deletes the oldest"
             )
@@ -165,7 +165,7 @@ def _compute_and_write(
     plan: Plan,
     options: RunOptions,
     index: CellIndex,
-    watch: Watch,
+    callbacks: Callbacks,
     check: Callable[[], None],
     crash_free: Collection[str],
 ) -> SweepOutcome:
@@ -177,16 +177,16 @@ def _compute_and_write(
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
                 context = (thread, stack, crash_free)
-                failures, workers = _compute(schedule, options, index, watch, *context)
+                failures, workers = _compute(schedule, options, index, callbacks, *context)
                 if options.cluster.kind in LOCAL_KINDS:  # workers end meanwhile
                     thread.submit(stack.close)
                     workers = None
-                failures += _write(schedule, options, index, watch, check, workers)
+                failures += _write(schedule, options, index, callbacks, check, workers)
             except DamagedResults as error:
                 damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 message = f"{len(damaged):,} results in the cache are damaged"
-                watch.say(f"{message} and are computed again")
+                callbacks.say(f"{message} and are computed again")
                 index.drop(keys)
             else:
                 return SweepOutcome(schedule.progress, failures, written=True)
@@ -199,7 +199,7 @@ def _compute(
     schedule: Schedule,
     options: RunOptions,
     index: CellIndex,
-    watch: Watch,
+    callbacks: Callbacks,
     thread: ThreadPoolExecutor,
     stack: ExitStack,
     crash_free: Collection[str],
@@ -216,12 +216,12 @@ def _compute(
     cells = sum(number for _, number, _ in missing)
     total = sum(progress.total for progress in schedule.progress.values())
     if options.partial:
-        watch.say(f"{total - cells:,} of {total:,} cells are in the cache")
+        callbacks.say(f"{total - cells:,} of {total:,} cells are in the cache")
         return [], None
-    watch.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
+    callbacks.say(f"{cells:,} cells to compute, {total - cells:,} reused from the cache")
     for bound, number, calls in missing:
         LOG.debug("%s: %d cells are computed by %d calls", bound.name, number, calls)
-    watch.step(schedule)
+    callbacks.step(schedule)
     if not missing:
         return [], None
     if choice.kind == "local":
@@ -237,12 +237,12 @@ def _compute(
         packages=plan.experiment.code,
         modules=modules_of(plan.bound.values()),
         packs=index.cells,
-        say=watch.say,
+        say=callbacks.say,
     )
     starting = thread.submit(stack.enter_context, entered)
     is_local = choice.kind in LOCAL_KINDS
     preparations = (
-        plan.experiment.prepare(plan.choices, with_signal_check(watch.say)) if is_local else ()
+        plan.experiment.prepare(plan.choices, with_signal_check(callbacks.say)) if is_local else ()
     )
     tables = TABLE_MODULES if plan.experiment.tables else ()
     # The executor first: dask's modules import each other, so only one thread may import them.
@@ -256,8 +256,8 @@ def _compute(
         workers = starting.result()
     for name in names:  # while workers compute
         thread.submit(import_module, name)
-    call_each(preparations, workers, lambda: watch.step(schedule))
-    return execute(schedule, workers, index, watch), workers
+    call_each(preparations, workers, lambda: callbacks.step(schedule))
+    return execute(schedule, workers, index, callbacks), workers
 
 
 def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:
@@ -290,7 +290,7 @@ def is_complete(
     return not damaged
 
 
-def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> SweepOutcome:
+def _reuse_store(plan: Plan, index: CellIndex, callbacks: Callbacks) -> SweepOutcome:
     """Return the outcome of a sweep whose store is already complete."""
     progress = {}
     index.refresh()
@@ -300,7 +300,7 @@ def _reuse_store(plan: Plan, index: CellIndex, watch: Watch) -> SweepOutcome:
         total = len(unique_keys(keys)[0])
         progress[bound.name] = Progress(total, total)
     cells = sum(stage.total for stage in progress.values())
-    watch.say(f"0 cells to compute, {cells:,} are in the store")
+    callbacks.say(f"0 cells to compute, {cells:,} are in the store")
     return SweepOutcome(progress)
 
 
@@ -308,7 +308,7 @@ def _write(
     schedule: Schedule,
     options: RunOptions,
     index: CellIndex,
-    watch: Watch,
+    callbacks: Callbacks,
     check: Callable[[], None],
     workers: Executor | None,
 ) -> Failures:
@@ -334,7 +334,7 @@ def _write(
             table_failures = add_tables(plan, groups)
     failed_tables = {failure.name: failure.reason for failure in table_failures}
     for failure in table_failures:
-        watch.failed(failure)
+        callbacks.failed(failure)
     attributes = provenance(plan, failures | failed_tables)
     shared: tuple[str, ...] = SHARED_ATTRIBUTES
     if options.partial:

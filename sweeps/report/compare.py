@@ -38,7 +38,7 @@ DISPLAY = Display(
             "difference",
             low="ci_low",
             high="ci_high",
-            beside={name: name for name in ("n", "discordant", "significant")},
+            extra_columns={name: name for name in ("n", "discordant", "significant")},
             percent=True,
             format="+.0f",
         ),

@@ -19,7 +19,7 @@ MAX_ANSWERS = 2_000_000  # answers that are counted
 DISPLAY = Display(
     NAME,
     "Ships named, percent of the answers to each true ship",
-    (Figure("share", percent=True, format=".0f", beside={"answers": "count"}),),
+    (Figure("share", percent=True, format=".0f", extra_columns={"answers": "count"}),),
     rows=("classifier", "channel", "true_ship"),
     columns="ship_named",
 )

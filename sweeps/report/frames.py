@@ -345,7 +345,7 @@ def _columns_of_figures(
         prefix = "" if bounded == 1 else f"{main.column}_"
         variables = {main.column: ("figure", main.variable)}
         variables |= {f"{prefix}ci_low": ("low", main.low), f"{prefix}ci_high": ("high", main.high)}
-        variables |= {name: ("beside", variable) for name, variable in main.beside.items()}
+        variables |= {name: ("beside", variable) for name, variable in main.extra_columns.items()}
         for name, (role, variable) in variables.items():
             if variable not in table:
                 continue
@@ -395,12 +395,12 @@ def _complete_figure(figure: Figure, table: xr.Dataset) -> Figure:
     name = figure.variable
     pairs = [pair for low, high in ENDS if {*(pair := (name + low, name + high))} <= {*table}]
     low, high = (pairs or [("", "")])[0]
-    beside = {name + end: name + end for end in BESIDE if name + end in table}
+    extra_columns = {name + end: name + end for end in BESIDE if name + end in table}
     return replace(
         figure,
         low=figure.low or low,
         high=figure.high or high,
-        beside=figure.beside or beside,
+        extra_columns=figure.extra_columns or extra_columns,
     )
 
 

@@ -551,7 +551,7 @@ TABLES = (
         "super_resolution",
         tabulate_reconstruction,
         "Error of infrared images against the noiseless one of half the pixel",
-        (Figure("error", beside={"spread": "error_spread"}, digits=4, format=".3f"),),
+        (Figure("error", extra_columns={"spread": "error_spread"}, digits=4, format=".3f"),),
         columns="super_resolution",
         notes=(
             "Root mean square over the contrast of the ship.",

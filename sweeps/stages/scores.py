@@ -57,7 +57,7 @@ def category_display(labels: Mapping[str, str], source: str) -> Display:
         "categories",
         "Categories formed in training",
         (
-            Figure("categories", beside={"spread": "spread"}, digits=2),
+            Figure("categories", extra_columns={"spread": "spread"}, digits=2),
             Figure("compression", digits=2, listed=False),
             *(Figure(name, listed=name == "views") for name in names),
         ),

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.store.arrays import Array, Group
+from sweeps.engine.store.arrays import Array, ArrayGroup
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import zarr_store
 
@@ -40,7 +40,7 @@ def small(value):
     values = np.full((4, 6), value, dtype="f4")
     ships = coordinate(("ship",), np.array(["Ålesund", "b", "", "ddd"]), long_name="ship")
     x = array(values, fill=np.nan, chunks=(1, 6))
-    return {name: Group({"x": x, "ship": ships}) for name in ("one", "two/three")}
+    return {name: ArrayGroup({"x": x, "ship": ships}) for name in ("one", "two/three")}
 
 
 def files(path):

@@ -59,7 +59,7 @@ def test_damage_is_found_and_mended(place, tmp_path):
     there.put(changed, b"other")
     there.delete([gone])
     assert verify(store) == [changed, gone]
-    go(store, cache, watch=recorder.watch)
+    go(store, cache, callbacks=recorder.callbacks)
     assert any("2 files of the store are damaged" in sentence for sentence in recorder.sentences)
     assert contents(store) == before
     there.put("mine.txt", b"")

@@ -10,7 +10,7 @@ from small_stores import contents, opened
 from toys import CALLS, SPRINGS, go, having, run
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.settings import Joint, Settings, count, read_choices, text
+from sweeps.engine.declare.settings import Settings, ZippedAxis, count, read_choices, text
 from sweeps.engine.declare.stage import Experiment, Group, Output, plain, stage
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
@@ -191,7 +191,9 @@ def joined(points, labels=None):
     ours = {"spring.stiffness": tuple(values[0]), "spring.limit": tuple(values[1])}
     keys = ("spring.stiffness", "spring.limit")
     return replace(
-        choices, values={**choices.values, **ours}, joint=(Joint("two", keys, points, labels),)
+        choices,
+        values={**choices.values, **ours},
+        zipped=(ZippedAxis("two", keys, points, labels),),
     )
 
 

@@ -21,7 +21,7 @@ STIFF = "ValueError: too [stiff]"
 
 def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
     store, recorder = tmp_path / "s.zarr", Told()
-    finished = go(store, watch=recorder.watch, spring__limit=1.5)
+    finished = go(store, callbacks=recorder.callbacks, spring__limit=1.5)
     name = "period stiffness=4 mass=1"
     assert recorder.failures == finished.failures == [(name, STIFF)]
     failures = read_attributes(store)["failures"]
@@ -172,7 +172,7 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
                 damage(file, at=20)
     recorder = Told()
     CALLS.clear()
-    finished = go(tmp_path / "t.zarr", cache, watch=recorder.watch)
+    finished = go(tmp_path / "t.zarr", cache, callbacks=recorder.callbacks)
     if way == "gone":
         assert CALLS["noisy"] == 24  # the index knows it, and there is nothing to be said
     else:
@@ -198,7 +198,7 @@ def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept
     short.write_bytes(short.read_bytes()[:-1])
     (store / next(name for name in names if name.startswith("springs/period/c."))).unlink()
     CALLS.clear()
-    go(store, cache if kept else tmp_path / "new", watch=recorder.watch)
+    go(store, cache if kept else tmp_path / "new", callbacks=recorder.callbacks)
     assert any("files of the store are damaged" in sentence for sentence in recorder.sentences)
     assert bool(CALLS["answers"]) == (not kept)
     assert contents(store) == before

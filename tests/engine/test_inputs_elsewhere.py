@@ -6,7 +6,7 @@ import pytest
 from small_stores import opened
 from toys import SPRINGS, having, run, without
 
-from sweeps.engine.declare.settings import Joint, read_choices
+from sweeps.engine.declare.settings import ZippedAxis, read_choices
 
 # Nothing gathers the springs, which then may run together with other settings.
 FEWER = having(without(SPRINGS, "answers"), tables=())
@@ -18,7 +18,7 @@ def together(keys, points, given=REFERENCES):
     """Choices in which settings run together."""
     values = {key: sorted({point[k] for point in points}) for k, key in enumerate(keys)}
     choices = read_choices(FEWER.declared, {**given, **values})
-    return replace(choices, joint=(Joint("joint", keys, points),))
+    return replace(choices, zipped=(ZippedAxis("joint", keys, points),))
 
 
 @pytest.mark.parametrize("points", [DESCENDING, DESCENDING[::-1], DESCENDING[1:] + DESCENDING[:1]])

@@ -15,7 +15,7 @@ from small_stores import below
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store import locks
-from sweeps.engine.store.locks import silence, store_lock
+from sweeps.engine.store.locks import seconds_since_renewal, store_lock
 
 HOLDER = """
 import sys, time
@@ -59,7 +59,7 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
     sentence = rf"being written by process {process.pid} on {host} since .*; wait until it ends"
     with pytest.raises(ConfigurationError, match=sentence), store_lock(path):
         pytest.fail("two writers")
-    assert silence(path) < locks.LEASE
+    assert seconds_since_renewal(path) < locks.LEASE
     if isinstance(path, Path):
         process.send_signal(signal.SIGSTOP)  # it is slow, and alive
         with pytest.raises(ConfigurationError, match=sentence), store_lock(path):
@@ -69,18 +69,18 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
     for _ in range(2):
         with store_lock(path) as check:
             check()
-    assert silence(path) is None and not beside(path)
+    assert seconds_since_renewal(path) is None and not beside(path)
 
 
 def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
     path, lock = tmp_path / "s.zarr", tmp_path / ".s.zarr.lock"
     lock.write_text("of a killed process")
-    assert silence(path) is None and lock.exists()
+    assert seconds_since_renewal(path) is None and lock.exists()
     with lock.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_SH)  # a look that has just begun
         threading.Timer(locks.LOCK_SECONDS / 4, fcntl.flock, (file, fcntl.LOCK_UN)).start()
         with store_lock(path):
-            assert silence(path) == 0.0
+            assert seconds_since_renewal(path) == 0.0
 
 
 def test_a_lock_is_no_link_to_another_file(tmp_path):

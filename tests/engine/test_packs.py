@@ -232,7 +232,7 @@ def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, mo
         return find(index, *arguments)
 
     monkeypatch.setattr(CellIndex, "find", found)
-    go(tmp_path / "again.zarr", cache, watch=recorder.watch)
+    go(tmp_path / "again.zarr", cache, callbacks=recorder.callbacks)
     assert files(tmp_path / "again.zarr") == files(tmp_path / "s.zarr")
     again = [
         sentence

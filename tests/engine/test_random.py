@@ -174,7 +174,9 @@ def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
     recorder, packs = Told(), len(list(cells.rglob("*.pack")))
     while True:  # until the workers of the dead driver are gone, too
         try:
-            finished = go(tmp_path / "s.zarr", tmp_path / "cache", watch=recorder.watch, **SLOW)
+            finished = go(
+                tmp_path / "s.zarr", tmp_path / "cache", callbacks=recorder.callbacks, **SLOW
+            )
         except ConfigurationError:
             time.sleep(0.05)
         else:

@@ -17,7 +17,7 @@ import xarray as xr
 from small_stores import COUNTS, array, below, contents, files, opened, small
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.store.arrays import Array, Group
+from sweeps.engine.store.arrays import Array, ArrayGroup
 from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import read_attributes, recover, write_store, zarr_store
@@ -27,7 +27,7 @@ def grown(rows):
     """Groups with a number of rows, of which the first are always the same."""
     values = np.add.outer(np.arange(rows), np.zeros(6)).astype("f4")
     x, note = array(values, chunks=(1, 6)), Array.from_values((), np.float64(rows))
-    return {"one": Group({"x": x, "note": note}), "two/three": Group({"x": x})}
+    return {"one": ArrayGroup({"x": x, "note": note}), "two/three": ArrayGroup({"x": x})}
 
 
 CHANGES = ("put", "_delete")
@@ -94,7 +94,7 @@ def test_a_put_that_fails_is_noticed_though_what_follows_stays(tmp_path, monkeyp
     """The last chunk is one that the store has, and the one before it cannot be written."""
     path, put = tmp_path / "s.zarr", Objects.put
     first, last = array(np.zeros((3, 2)), chunks=(1, 2)), array(np.ones((3, 2)), chunks=(1, 2))
-    write_store(path, {"g": Group({"z": last})}, {})
+    write_store(path, {"g": ArrayGroup({"z": last})}, {})
 
     def failing(objects, name, content):
         if name == "g/a/c.2.0":
@@ -105,7 +105,7 @@ def test_a_put_that_fails_is_noticed_though_what_follows_stays(tmp_path, monkeyp
     before = contents(path)
     first.read = np.arange(6.0).reshape(3, 2).__getitem__
     with pytest.raises(OSError, match="No space left"):
-        write_store(path, {"g": Group({"a": first, "z": last})}, {})
+        write_store(path, {"g": ArrayGroup({"a": first, "z": last})}, {})
     assert contents(path) == before
 
 
@@ -170,7 +170,7 @@ def test_an_interrupt_leaves_the_old_store(tmp_path, monkeypatch, where):
 
     groups = small(2)
     if where == "read":
-        groups["z"] = Group({"x": array(COUNTS, read=interrupt)})
+        groups["z"] = ArrayGroup({"x": array(COUNTS, read=interrupt)})
     if where == "manifest":
         monkeypatch.setattr("sweeps.engine.store.manifest.seal", interrupt)
     with pytest.raises(KeyboardInterrupt):
@@ -285,7 +285,7 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
 
         x = array(values[rows], chunks=(1, 3), read=region)
         x.source_bytes = lambda region: repr(rows[region[0].start]).encode()
-        return {"g": Group({"x": x})}, read
+        return {"g": ArrayGroup({"x": x})}, read
 
     everything = [0, 1, 2, 3]
     for rows, new in (

@@ -14,7 +14,7 @@ from small_stores import COUNTS, DIMS, SHAPE, array, coordinate, files, opened
 from sweeps.engine.cache.packs import seal
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.cluster import InlineExecutor
-from sweeps.engine.store.arrays import Array, Group
+from sweeps.engine.store.arrays import Array, ArrayGroup
 from sweeps.engine.store.manifest import MANIFEST, verify
 from sweeps.engine.store.tables import from_dataset, restore_scalars
 from sweeps.engine.store.targets import check_store_path
@@ -58,7 +58,7 @@ def test_round_trip_of_every_dtype(tmp_path):
     for name, dtype in (("wide", "U9"), ("objects", object), ("variable", np.dtypes.StringDType())):
         values[name] = values["fixed_width"].astype(dtype)
         arrays[name] = Array.from_values(DIMS, values[name])
-    write_store(path, {"g": Group(arrays)}, {})
+    write_store(path, {"g": ArrayGroup(arrays)}, {})
 
     results = opened(path, "g")
     assert set(results) == set(values)
@@ -91,7 +91,7 @@ def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
     """As attributes that any reader of JSON knows; what these cannot hold stays an array."""
     arrays = {name: coordinate((), np.array(value)) for name, value in SCALARS.items()}
     attrs = {"whole": SCALARS["whole"], "text": "another"}
-    write_store(tmp_path / "s.zarr", {"g": Group({"x": array(COUNTS), **arrays}, attrs)}, {})
+    write_store(tmp_path / "s.zarr", {"g": ArrayGroup({"x": array(COUNTS), **arrays}, attrs)}, {})
     text = (tmp_path / "s.zarr/g/zarr.json").read_text()
     raw = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
     attributes = raw["attributes"]
@@ -124,7 +124,7 @@ def test_equal_values_need_no_chunk(tmp_path):
         arrays = {
             name: Array.from_values(DIMS[: value.ndim], value) for name, value in values.items()
         }
-        write_store(path, {"g": Group(arrays)}, {})
+        write_store(path, {"g": ArrayGroup(arrays)}, {})
         results = opened(path, "g")
         for name, value in values.items():
             assert same_bits(results[name].values, value), name
@@ -138,10 +138,10 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     rule = coordinate((), np.array("otsu"))
     dimension = coordinate(("other",), np.arange(2.0))
     groups = {
-        "classification/acn": Group({"x": array(COUNTS), "rule": rule, "alone": dimension}),
-        "top": Group({"x": array(COUNTS)}),
-        "classification": Group({}, attrs={"title": "all"}),
-        "classification/mnn": Group({"x": array(COUNTS + 1)}),
+        "classification/acn": ArrayGroup({"x": array(COUNTS), "rule": rule, "alone": dimension}),
+        "top": ArrayGroup({"x": array(COUNTS)}),
+        "classification": ArrayGroup({}, attrs={"title": "all"}),
+        "classification/mnn": ArrayGroup({"x": array(COUNTS + 1)}),
     }
     table = xr.Dataset(
         {"p": ("ship", [0.5, np.nan]), "n": ("ship", [3, 0], {"units": "1"})},
@@ -188,7 +188,7 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
 def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype):
     refused = Array(DIMS, SHAPE, np.dtype(dtype), {}, lambda region: values, SHAPE)
     with pytest.raises(TypeError):
-        write_store(tmp_path / "s.zarr", {"g": Group({"x": refused})}, {})
+        write_store(tmp_path / "s.zarr", {"g": ArrayGroup({"x": refused})}, {})
     assert not list(tmp_path.iterdir())
 
 
@@ -197,7 +197,7 @@ def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype):
 
 def test_each_file_that_is_missing_extra_or_of_another_size_is_noticed(tmp_path):
     path = tmp_path / "s.zarr"
-    write_store(path, {"g": Group({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
+    write_store(path, {"g": ArrayGroup({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
     for name, content in files(path).items():
         file = path / name
         for damaged in (content[:-1], content + b"\0", None):
@@ -222,7 +222,7 @@ def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
     """By the checksum within; a bit that is reserved may change nothing."""
     path = tmp_path / "s.zarr"
     values = np.random.default_rng(1).integers(0, 2**15, 40).astype("i2")
-    write_store(path, {"g": Group({"x": array(values, chunks=values.shape)})}, {})
+    write_store(path, {"g": ArrayGroup({"x": array(values, chunks=values.shape)})}, {})
     (name,) = (name for name in files(path) if name.startswith("g/x/c"))
     content, noticed = files(path)[name], 0
     for place, byte in enumerate(content):
@@ -240,7 +240,7 @@ def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
 @pytest.mark.parametrize("read", [verify, read_attributes, check_store_path])
 def test_too_many_open_files_are_no_damage(tmp_path, read):
     path = tmp_path / "s.zarr"
-    write_store(path, {"g": Group({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
+    write_store(path, {"g": ArrayGroup({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     last = os.open(os.devnull, os.O_RDONLY)
     try:
@@ -292,6 +292,6 @@ def test_nothing_is_written_after_a_roll_back(tmp_path):
     read = values.__getitem__
     chunked = Array(("x",), (8,), values.dtype, {}, read, (1,), remote_read=remote_read)
     with pytest.raises(OSError, match="lost"):
-        write_store(tmp_path / "s.zarr", {"g": Group({"x": chunked})}, {}, writers=writers)
+        write_store(tmp_path / "s.zarr", {"g": ArrayGroup({"x": chunked})}, {}, writers=writers)
     assert writers.lost and writers.wait() == []
     assert files(tmp_path) == {}

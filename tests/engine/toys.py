@@ -39,7 +39,7 @@ from sweeps.engine.declare.stage import (
 )
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.schedule import Callbacks
 from sweeps.engine.run.tasks import drop_objects
 from sweeps.engine.sweeping import RunOptions, sweep
 
@@ -216,15 +216,15 @@ SPRINGS = Experiment(
 )
 
 
-def go(store, cache=None, kind="inline", workers=None, watch=None, **keywords):
+def go(store, cache=None, kind="inline", workers=None, callbacks=None, **keywords):
     """Run the springs into a store; settings are given as `spring__mass=[1, 2]`."""
     keywords = {key.replace("__", "."): value for key, value in keywords.items()}
     choices = SPRINGS.check(read_choices(SPRINGS.declared, keywords))
-    return run(SPRINGS, choices, store, cache, kind, workers, watch)
+    return run(SPRINGS, choices, store, cache, kind, workers, callbacks)
 
 
 def run(
-    experiment, choices, store, cache=None, kind="inline", workers=None, watch=None, **keywords
+    experiment, choices, store, cache=None, kind="inline", workers=None, callbacks=None, **keywords
 ):
     """Run an experiment into a store."""
     drop_objects()  # as a new process would
@@ -232,7 +232,7 @@ def run(
     cache = Path(cache or path_beside(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
     place = RunOptions(place, cache, cluster, **keywords)
-    return sweep(Plan(experiment, choices), place, watch or Watch(lambda sentence: None))
+    return sweep(Plan(experiment, choices), place, callbacks or Callbacks(lambda sentence: None))
 
 
 class Told:
@@ -243,9 +243,9 @@ class Told:
         self.failures = []
 
     @property
-    def watch(self):
+    def callbacks(self):
         """What a sweep is given."""
-        return Watch(
+        return Callbacks(
             self.sentences.append, failed=lambda failure: self.failures.append(failure[:2])
         )
 

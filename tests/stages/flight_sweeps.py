@@ -8,7 +8,7 @@ from once import sharing_ships
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.schedule import Callbacks
 from sweeps.engine.sweeping import RunOptions, sweep
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import flights, measured
@@ -46,7 +46,7 @@ def flown(folder, name="s", **given):
     """Path of the store of a sweep of small flights; finished cells are kept in the folder."""
     inline = ClusterChoice(kind="inline")
     options = RunOptions(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
-    summary = sweep(Plan(EXPERIMENT, checked(**given)), options, Watch(lambda text: None))
+    summary = sweep(Plan(EXPERIMENT, checked(**given)), options, Callbacks(lambda text: None))
     assert not summary.failures
     return options.store
 

@@ -13,7 +13,7 @@ from sweeps.engine.declare.settings import Choices
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
-from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.schedule import Callbacks
 from sweeps.engine.run.tasks import drop_objects
 from sweeps.engine.sweeping import RunOptions, SweepOutcome, sweep
 from sweeps.experiment import EXPERIMENT
@@ -42,7 +42,7 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> S
     drop_objects()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
     options = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
-    return sweep(Plan(experiment, choices), options, Watch(lambda sentence: None))
+    return sweep(Plan(experiment, choices), options, Callbacks(lambda sentence: None))
 
 
 def ran(*arguments: str, modules=()) -> int:

@@ -57,7 +57,7 @@ def test_every_experiment_composes_whole(name):
     choices = chosen(f"+experiment={name}", *ROWS["composed"].get(name, ()))
     assert choices[Grid.ship]
     missing = len(engines()) - len(available_engines())
-    skipped = [line for line in COMMAND.about(choices) if "without" in line]
+    skipped = [line for line in COMMAND.remarks(choices) if "without" in line]
     assert len(skipped) == (missing if name == "runtime_vs_error" else 0)
 
 
@@ -71,8 +71,8 @@ def test_a_classifier_without_use_is_named_where_it_was_asked_for():
     infrared = ("sensor=infrared", "grid.ship=[duncan,texas]")
     choices = chosen(*infrared, "classifier.name=[acn,correlation]")
     line = "classifier.name=correlation has nothing to do for sensor=infrared; ignored"
-    assert line in COMMAND.about(choices)
-    unasked = COMMAND.about(chosen("+experiment=scan"))  # it has acn by default
+    assert line in COMMAND.remarks(choices)
+    unasked = COMMAND.remarks(chosen("+experiment=scan"))  # it has acn by default
     assert not [line for line in unasked if "ignored" in line]
 
 

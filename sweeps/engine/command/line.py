@@ -70,15 +70,15 @@ PlannedSweep = tuple[Plan, RunOptions]
 class Command:
     """The command line of an experiment; `report` is called with the store, choices and outcome.
 
-    By default, it prints the tables, the store, and commands that print more. `beside` returns the
-    paths to which the report of a store writes. `about` returns lines on the sweep, printed before
-    it starts. `imports` are modules of the report that take long to import.
+    By default, it prints the tables, the store, and commands that print more. `report_paths`
+    returns the paths to which the report of a store writes. `remarks` returns lines on the sweep,
+    printed before it starts. `imports` are modules of the report, imported while workers start.
     """
 
     experiment: Experiment
     report: Report | None = None
-    beside: Callable[[Path], Iterable[Path]] = lambda store: ()
-    about: Callable[[Choices], Iterable[str]] = lambda choices: ()
+    report_paths: Callable[[Path], Iterable[Path]] = lambda store: ()
+    remarks: Callable[[Choices], Iterable[str]] = lambda choices: ()
     imports: tuple[str, ...] = ()
 
     @property
@@ -198,7 +198,7 @@ class Command:
         with allow_interrupts():
             fused = fuse_jobs(self.experiment, checked)
             for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
-                check_targets(stores, self._cache_path(cache), self.beside)
+                check_targets(stores, self._cache_path(cache), self.report_paths)
             for choices, store in fused:
                 options = self._run_options(choices, store)
                 with environment(choices.variables):
@@ -215,7 +215,7 @@ class Command:
             computes = not (value(Run.dry_run) or value(Run.partial))
             is_new = isinstance(store, Path) and not os.path.lexists(store)
             if computes and is_new and value(Cluster.kind) == "local":
-                bound_stages = bind(self.experiment, job.choices.joint)
+                bound_stages = bind(self.experiment, job.choices.zipped)
                 stages |= with_inputs(
                     stored_stages(bound_stages.values(), job.choices), bound_stages
                 )
@@ -275,8 +275,10 @@ class Command:
             choices = plan.choices
             with environment(choices.variables):
                 unread = plan.unused_settings({key.lstrip("+~") for key in keys})
-                remarks = [f"{key} is set, but this sweep does not read it" for key in unread]
-                for sentence in (*remarks, *self.about(choices)):
+                unread_remarks = [
+                    f"{key} is set, but this sweep does not read it" for key in unread
+                ]
+                for sentence in (*unread_remarks, *self.remarks(choices)):
                     say(self.name, sentence)
                 if choices.value(Run.dry_run):
                     stages, sentence = preview(plan, options)
@@ -297,8 +299,8 @@ class Command:
         log = FailureLog(base.with_name(f"{base.name.removesuffix('.zarr')}-failures.log"))
         with show_progress(
             self.name, log, options.store, options.cache, record=not options.partial
-        ) as watch:
-            finished = sweep(plan, options, watch)
+        ) as callbacks:
+            finished = sweep(plan, options, callbacks)
         if options.partial:
             return []
         say(self.name, summary(finished.progress, finished.seconds))

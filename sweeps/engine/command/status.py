@@ -12,7 +12,7 @@ from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.run.progress import count_table, open_states, state_name, time_left
 from sweeps.engine.run.schedule import Progress
-from sweeps.engine.store.locks import LEASE, silence
+from sweeps.engine.store.locks import LEASE, seconds_since_renewal
 
 
 def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
@@ -36,11 +36,13 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         raise ConfigurationError(
             f"cache is {str(cache)!r}, whose state of the sweep of {str(store)!r} cannot be read"
         ) from error
-    silent = silence(store)
-    running = silent is not None and silent <= LEASE
+    renewed_ago = seconds_since_renewal(store)
+    running = renewed_ago is not None and renewed_ago <= LEASE
     condition = f"running as process {process}" if running else ended
-    if silent is not None and not running:
-        condition = f"stopped: no sign of process {process} for {timedelta(seconds=round(silent))}"
+    if renewed_ago is not None and not running:
+        condition = (
+            f"stopped: no sign of process {process} for {timedelta(seconds=round(renewed_ago))}"
+        )
     sentence = (
         f"{store}: {condition}; begun {_format_clock(begun)}, state of {_format_clock(updated)}"
     )

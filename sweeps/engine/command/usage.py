@@ -10,7 +10,7 @@ import yaml
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import format_value
-from sweeps.engine.declare.settings import DIMENSION, Cluster, Run, Setting, Together
+from sweeps.engine.declare.settings import DIMENSION, Cluster, Run, Setting, Zip
 from sweeps.engine.declare.stage import Experiment
 
 WIDTH = 79  # of 80, so that no terminal breaks a full line
@@ -72,10 +72,10 @@ def usage(experiment: Experiment) -> str:
 
 def main_settings(experiment: Experiment) -> list[Setting]:
     """Return the settings that `--help` lists: dimensions of stores, and settings of the run."""
-    listed = [setting for setting in experiment.own_settings if setting.single == DIMENSION]
+    listed = [setting for setting in experiment.experiment_settings if setting.single == DIMENSION]
     dims = [setting for setting in listed if setting.fallback is None]
-    top_level = [setting for setting in experiment.own_settings if "." not in setting.key]
-    return [*top_level, *dims, *Together.declared, *Run.declared, Cluster.kind, Cluster.workers]
+    top_level = [setting for setting in experiment.experiment_settings if "." not in setting.key]
+    return [*top_level, *dims, *Zip.declared, *Run.declared, Cluster.kind, Cluster.workers]
 
 
 def descriptions(conf: Path | None, group: str) -> Iterator[tuple[str, str]]:

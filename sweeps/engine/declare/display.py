@@ -20,9 +20,8 @@ class Figure:
     name: str = ""  # of its column; the variable's by default
     low: str = ""  # variables with the ends of its 95 % interval; by default found by their names
     high: str = ""
-    beside: Mapping[str, str] = field(
-        default_factory=dict
-    )  # more columns: name, variable; likewise
+    # Variables of more columns, by the columns' names; likewise.
+    extra_columns: Mapping[str, str] = field(default_factory=dict)
     percent: bool = False  # a fraction, shown and written in percent
     digits: int | None = None  # decimals that are written; None: all
     format: str = ".4g"  # on screen and page

@@ -173,45 +173,45 @@ def number(
     *,
     below: float = math.inf,
     null: bool = False,
-    **about: Any,
+    **options: Any,
 ) -> Setting:
     """Return a setting that is a finite number; other arguments as of `Setting`."""
-    unit = about.get("unit", "1")
+    unit = options.get("unit", "1")
     kind = Number(low, high, below, unit, null=null or default is None)
-    return Setting(kind, default, **about)
+    return Setting(kind, default, **options)
 
 
-def count(default: Any, low: int = 1, high: float = math.inf, **about: Any) -> Setting:
+def count(default: Any, low: int = 1, high: float = math.inf, **options: Any) -> Setting:
     """Return a setting that is a whole number; other arguments as of `Setting`."""
-    unit = about.get("unit", "1")
-    return Setting(Count(low, high, unit=unit, null=default is None), default, **about)
+    unit = options.get("unit", "1")
+    return Setting(Count(low, high, unit=unit, null=default is None), default, **options)
 
 
-def draws(default: int, high: int = 1000, **about: Any) -> Setting:
+def draws(default: int, high: int = 1000, **options: Any) -> Setting:
     """Return a setting that is a number of draws: an axis of their indices, from 0."""
-    return Setting(Draws(high), default, **about)
+    return Setting(Draws(high), default, **options)
 
 
-def word(default: Any, words: tuple[str, ...], **about: Any) -> Setting:
+def word(default: Any, words: tuple[str, ...], **options: Any) -> Setting:
     """Return a setting that is a word of a list; other arguments as of `Setting`."""
-    return Setting(Word(tuple(words)), default, **about)
+    return Setting(Word(tuple(words)), default, **options)
 
 
-def switch(default: Any, **about: Any) -> Setting:
+def switch(default: Any, **options: Any) -> Setting:
     """Return a setting that is true or false; other arguments as of `Setting`."""
-    return Setting(Switch(), default, **about)
+    return Setting(Switch(), default, **options)
 
 
-def text(default: str | None, **about: Any) -> Setting:
+def text(default: str | None, **options: Any) -> Setting:
     """Return a setting that is a text, such as a path; other arguments as of `Setting`."""
-    return Setting(Text(null=default is None), default, **about)
+    return Setting(Text(null=default is None), default, **options)
 
 
-def vector(default: Any, size: int, low: float, high: float, **about: Any) -> Setting:
+def vector(default: Any, size: int, low: float, high: float, **options: Any) -> Setting:
     """Return a setting whose value is a list of `size` finite numbers; the rest as of `Setting`."""
-    about.setdefault("fixed", "its numbers belong together")
-    element = Number(low, high, unit=about.get("unit", "1"))
-    return Setting(Vector(size, element), default, **about)
+    options.setdefault("fixed", "its numbers belong together")
+    element = Number(low, high, unit=options.get("unit", "1"))
+    return Setting(Vector(size, element), default, **options)
 
 
 def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:
@@ -236,8 +236,8 @@ class Run(Settings, fixed=AFFECTS_NO_RESULT):
     partial = switch(False, label="compute nothing, and store the cells that the cache has")
 
 
-class Together(Settings, key="grid", fixed=AFFECTS_NO_RESULT):
-    """Axes that run together."""
+class Zip(Settings, key="grid", fixed=AFFECTS_NO_RESULT):
+    """Settings that run together."""
 
     zip = Setting(
         Groups(), None, label="settings that run together instead of crossed: [[a, b], [c, d]]"
@@ -260,12 +260,12 @@ class Cluster(Settings, key="cluster", fixed=AFFECTS_NO_RESULT):
     interface = text(None, label="Slurm: network interface")
 
 
-ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Together, Cluster)
+ENGINE_SETTINGS: tuple[type[Settings], ...] = (Run, Zip, Cluster)
 
 
 @dataclass(frozen=True)
-class Joint:
-    """Joint axis of several settings: their keys, and the values of all at each position."""
+class ZippedAxis:
+    """Axis of several settings: their keys, and the values of all at each position."""
 
     name: str
     keys: tuple[str, ...]
@@ -276,10 +276,10 @@ class Joint:
 
 @dataclass(frozen=True)
 class Choices:
-    """Values of every setting of a sweep by key, ascending, and the joint axes."""
+    """Values of every setting of a sweep by key, ascending, and the zipped axes."""
 
     values: Mapping[str, tuple[Value, ...]]
-    joint: tuple[Joint, ...] = ()
+    zipped: tuple[ZippedAxis, ...] = ()
     given: tuple[str, ...] = field(default=(), compare=False)  # keys of the command line
     read_keys: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
 
@@ -305,12 +305,12 @@ class Choices:
 
     def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
         """Yield the values of some settings, by key, at all points of their axes."""
-        joint = [axis for axis in self.joint if not set(axis.keys).isdisjoint(keys)]
+        zipped = [axis for axis in self.zipped if not set(axis.keys).isdisjoint(keys)]
         axes = [
-            [dict(zip(axis.keys, point, strict=True)) for point in axis.points] for axis in joint
+            [dict(zip(axis.keys, point, strict=True)) for point in axis.points] for axis in zipped
         ]
-        joint_keys = {key for axis in joint for key in axis.keys}
-        crossed_keys = [key for key in keys if key not in joint_keys]
+        zipped_keys = {key for axis in zipped for key in axis.keys}
+        crossed_keys = [key for key in keys if key not in zipped_keys]
         axes += [[{key: value} for value in self.values[key]] for key in crossed_keys]
         for point in product(*axes):
             values = ChainMap(*point)

@@ -32,10 +32,10 @@ from sweeps.engine.declare.settings import (
     DIMENSION,
     ENGINE_SETTINGS,
     Choices,
-    Joint,
     Run,
     Setting,
     Settings,
+    ZippedAxis,
 )
 from sweeps.engine.declare.storable import is_storable
 
@@ -48,7 +48,7 @@ Say = Callable[[str], None]
 RNG, VALID = "rng", "valid"  # arguments that are neither settings nor stages
 UNLIMITED = math.inf
 STATUS = "status"  # group of the states of cells
-FIRST = "first_"  # before the name of a dimension: the output at which arrays begin on it
+FIRST_PREFIX = "first_"  # before the name of a dimension: the output at which arrays begin on it
 
 
 def always(choices: Choices) -> bool:
@@ -61,7 +61,7 @@ RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", 
 
 @dataclass(frozen=True)
 class Output:
-    """One array that a stage returns for every cell: a variable of the store, with own dimensions.
+    """An array that a stage returns for every cell: a variable of the store, with inner dimensions.
 
     A dimension with the name of a gathered setting has its values as coordinate. If the stage has
     an output `first_row`, a whole number, the arrays of a cell begin there on the dimension `row`,
@@ -241,7 +241,7 @@ class Stage:
     def origin(self, output: Output) -> dict[str, Output]:
         """Return, by dimension, the output with the index at which arrays of `output` begin."""
         firsts = {first.name: first for first in self.outputs if not first.dims}
-        origins = {dim: firsts.get(f"{FIRST}{dim}") for dim in output.dims}
+        origins = {dim: firsts.get(f"{FIRST_PREFIX}{dim}") for dim in output.dims}
         return {dim: first for dim, first in origins.items() if first is not None}
 
     def has_fixed_shape(self, output: Output) -> bool:
@@ -352,10 +352,10 @@ class Experiment:
     def declared(self) -> tuple[Setting, ...]:
         """Every setting, including the engine's."""
         engine = (setting for group in ENGINE_SETTINGS for setting in group.declared)
-        return (*self.own_settings, *engine)
+        return (*self.experiment_settings, *engine)
 
     @cached_property
-    def own_settings(self) -> tuple[Setting, ...]:
+    def experiment_settings(self) -> tuple[Setting, ...]:
         """Every setting of the experiment."""
         groups = (
             (part,) if isinstance(part, Setting) else part.declared
@@ -399,10 +399,10 @@ class BoundStage:
     gather: tuple[str, ...]  # keys of the axes that it gathers
 
 
-def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, BoundStage]:
+def bind(experiment: Experiment, zipped: Sequence[ZippedAxis] = ()) -> dict[str, BoundStage]:
     """Return stages by name with resolved arguments, every stage after its inputs.
 
-    `joint` are the settings that run together in a sweep.
+    `zipped` are the settings that run together in a sweep.
 
     Raises
     ------
@@ -411,7 +411,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
     """
     bound: dict[str, BoundStage] = {}
     visiting: list[str] = []
-    together = {key: axis.keys for axis in joint if len(axis.points) > 1 for key in axis.keys}
+    zipped_with = {key: axis.keys for axis in zipped if len(axis.points) > 1 for key in axis.keys}
 
     def visit(name: str) -> BoundStage:
         if name in visiting:
@@ -427,7 +427,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
             arguments = {
                 parameter: resolve_argument(declared, parameter) for parameter in parameters
             }
-            bound[name] = _bind_stage(declared, arguments, together)
+            bound[name] = _bind_stage(declared, arguments, zipped_with)
             visiting.pop()
         return bound[name]
 
@@ -466,7 +466,7 @@ def bind(experiment: Experiment, joint: Sequence[Joint] = ()) -> dict[str, Bound
 def _bind_stage(
     declared: Stage,
     arguments: Mapping[str, Setting | BoundStage],
-    together: Mapping[str, tuple[str, ...]],
+    zipped_with: Mapping[str, tuple[str, ...]],
 ) -> BoundStage:
     inputs = tuple(source for source in arguments.values() if isinstance(source, BoundStage))
     needs = {setting.key for setting in arguments.values() if isinstance(setting, Setting)}
@@ -476,7 +476,7 @@ def _bind_stage(
     for source in inputs:
         keys = set(source.needs)
         for key in replacements.keys() & source.needs:  # and the keys that run together with it
-            keys.difference_update(together.get(key, (key,)))
+            keys.difference_update(zipped_with.get(key, (key,)))
         needs.update(keys, (replacements[key] for key in replacements.keys() & source.needs))
     if RNG in declared.arguments:
         needs.add(Run.seed.key)

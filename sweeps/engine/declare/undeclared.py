@@ -43,7 +43,9 @@ class UndeclaredOutput(Output):
         default_factory=dict
     )  # if they differ from `dims`
     reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
-    about: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # attributes by variable
+    extra_attributes: Mapping[str, Mapping[str, Any]] = field(
+        default_factory=dict
+    )  # attributes by variable
 
     @cached_property
     def variables(self) -> dict[Any, Output]:
@@ -208,7 +210,7 @@ def infer_outputs(output: UndeclaredOutput, layouts: Sequence[Layout]) -> list[O
                 lengths[dim].add(size)
     outputs: list[Output] = []
     for name, (dims, returned_attrs, coordinate) in declarations.items():
-        attrs = {**returned_attrs, **output.about.get(name, {})}
+        attrs = {**returned_attrs, **output.extra_attributes.get(name, {})}
         dtype = np.result_type(*(dtype for dtype, _ in shapes[name]))
         uneven = [dim for dim in dims if len(lengths[dim]) > 1]
         spans = [f"{dim} ({min(lengths[dim])} to {max(lengths[dim])} values)" for dim in uneven]
@@ -224,7 +226,7 @@ def infer_outputs(output: UndeclaredOutput, layouts: Sequence[Layout]) -> list[O
             attrs[PADDING] = f"with {nothing} along {', '.join(spans)}"
         outputs.append(variable)
     for name in () if outputs else output.names or (output.name,):
-        declared_attrs = output.about.get(name, {})
+        declared_attrs = output.extra_attributes.get(name, {})
         label, unit = declared_attrs.get("long_name", name), declared_attrs.get("units", "1")
         outputs.append(Output(name, (), FLOAT, label, unit))
     return outputs

@@ -20,7 +20,7 @@ from sweeps.engine.declare.kinds import (
     Value,
     sorted_values,
 )
-from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Joint, Setting
+from sweeps.engine.declare.settings import COORDINATE, DIMENSION, Setting, ZippedAxis
 
 MIN_INTEGER, MAX_INTEGER = -(2**63), 2**63 - 1  # whole numbers that a store holds
 
@@ -29,12 +29,14 @@ MIN_INTEGER, MAX_INTEGER = -(2**63), 2**63 - 1  # whole numbers that a store hol
 class Argument(Setting):
     """A setting that is an argument of a function, whose values are its default."""
 
-    about: Mapping[str, Any] = field(default_factory=dict)  # attributes besides unit and label
+    extra_attributes: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # attributes besides unit and label
 
     @property
     def attrs(self) -> dict[str, Any]:
         """See `Setting.attrs`."""
-        return {**super().attrs, **self.about}
+        return {**super().attrs, **self.extra_attributes}
 
     @property
     def message_name(self) -> str:
@@ -48,8 +50,8 @@ class Argument(Setting):
 
 def read_values(
     function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]
-) -> tuple[list[Argument], tuple[Joint, ...]]:
-    """Return the settings of some values, and the joint axes of settings that run together.
+) -> tuple[list[Argument], tuple[ZippedAxis, ...]]:
+    """Return the settings of some values, and the zipped axes of settings that run together.
 
     Variables of a data set that share a dimension run together; its scalars are fixed.
 
@@ -75,7 +77,7 @@ def read_values(
 
 def _read_dataset(
     function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]
-) -> tuple[list[Argument], tuple[Joint, ...]]:
+) -> tuple[list[Argument], tuple[ZippedAxis, ...]]:
     settings: dict[str, list[Argument]] = {str(dim): [] for dim in values.dims}
     points: dict[str, list[list[Value]]] = {str(dim): [] for dim in values.dims}
     fixed: list[Argument] = []
@@ -92,8 +94,8 @@ def _read_dataset(
             points[dim].append([kind.values(name, value)[0] for value in listed])
         else:
             fixed.append(_make_argument(function, name, listed, attributes, single=COORDINATE))
-    joint = [
-        Joint(
+    zipped = [
+        ZippedAxis(
             dim,
             tuple(argument.key for argument in arguments),
             tuple(zip(*points[dim], strict=True)),
@@ -105,7 +107,7 @@ def _read_dataset(
     return [
         *(argument for arguments in settings.values() for argument in arguments),
         *fixed,
-    ], tuple(joint)
+    ], tuple(zipped)
 
 
 def _as_list(name: str, values: Any) -> list[Any]:
@@ -156,7 +158,7 @@ def _make_argument(
     attrs = dict(attributes)
     label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
     key = f"{function}.{name}"
-    return Argument(kind, listed, label, unit, single=single, key=key, about=attrs)
+    return Argument(kind, listed, label, unit, single=single, key=key, extra_attributes=attrs)
 
 
 def _kind_of_values(listed: list[Any]) -> Kind:

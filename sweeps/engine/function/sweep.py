@@ -15,7 +15,7 @@ from platformdirs import user_cache_path
 from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import path_or_url
-from sweeps.engine.declare.settings import Cluster, Joint, Run, read_choices
+from sweeps.engine.declare.settings import Cluster, Run, ZippedAxis, read_choices
 from sweeps.engine.declare.stage import RNG, STATUS, VALID, Experiment, Group, Stage
 from sweeps.engine.declare.undeclared import FLOAT, PADDING, UndeclaredOutput
 from sweeps.engine.function.arguments import Argument, read_values
@@ -24,7 +24,7 @@ from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.process import say, show
 from sweeps.engine.run.progress import NAMED_FAILURES, progress_bar
-from sweeps.engine.run.schedule import Watch
+from sweeps.engine.run.schedule import Callbacks
 from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.targets import check_targets
 from sweeps.engine.store.writing import zarr_store
@@ -133,7 +133,7 @@ def sweep(
     a global, or change `version`. A global that the function itself changes, such as a list that it
     appends to, differs in the next sweep, which computes everything again.
     """
-    experiment, joint = _declare_experiment(
+    experiment, zipped = _declare_experiment(
         function, values, outputs, dims, attrs or {}, dtype, version
     )
     if cluster not in CLUSTER_KINDS:
@@ -141,7 +141,7 @@ def sweep(
     if not isinstance(store, str | os.PathLike):
         raise ConfigurationError(f"store is {store!r}, but must be a path or a URL")
     choices = read_choices(experiment.declared, {Run.seed.key: seed, Cluster.kind.key: cluster})
-    choices = replace(choices, joint=joint)
+    choices = replace(choices, zipped=zipped)
     target = path_or_url("store", store)
     packs = path_or_url("cache", cache) if cache else user_cache_path("sweeps")
     options = RunOptions(target, packs, ClusterChoice(cluster))
@@ -161,8 +161,8 @@ def sweep(
 
     try:
         with progress_bar() as step:
-            watch = Watch(lambda sentence: None, step, note_failure)
-            finished = run(Plan(experiment, choices), options, watch)
+            callbacks = Callbacks(lambda sentence: None, step, note_failure)
+            finished = run(Plan(experiment, choices), options, callbacks)
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # without the traceback of the engine
     if failures:
@@ -186,8 +186,8 @@ def _declare_experiment(
     attrs: Mapping[str, Mapping[str, Any]],
     dtype: str,
     version: str,
-) -> tuple[Experiment, tuple[Joint, ...]]:
-    """Return the experiment of a function, and the joint axes of arguments that run together.
+) -> tuple[Experiment, tuple[ZippedAxis, ...]]:
+    """Return the experiment of a function, and the zipped axes of arguments that run together.
 
     Raises ConfigurationError if the function cannot be swept over these values.
     """
@@ -202,13 +202,13 @@ def _declare_experiment(
             raise ConfigurationError(
                 f"attrs[{variable!r}] is {attributes!r}, but must be as in {example}"
             )
-    settings, joint = read_values(name, values, attrs)
+    settings, zipped = read_values(name, values, attrs)
     reads = _argument_settings(name, function, values, settings)
     read = {setting.key for setting in reads.values()}
-    if unused := [axis.name for axis in joint if read.isdisjoint(axis.keys)]:
+    if unused := [axis.name for axis in zipped if read.isdisjoint(axis.keys)]:
         message = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
         raise ConfigurationError(message)
-    reserved = frozenset([setting.name for setting in settings] + [axis.name for axis in joint])
+    reserved = frozenset([setting.name for setting in settings] + [axis.name for axis in zipped])
     result = _declare_result(name, outputs, dims, dtype, reserved, attrs)
     group = Group("results" if name == STATUS else name)  # `STATUS` has states of cells
     stage = Stage(name, function, (result,), reads=reads, group=group, version=version)
@@ -217,7 +217,7 @@ def _declare_experiment(
         raise ConfigurationError(f"values lacks {lacking[0]!r}, which {name} takes")
     try:
         packages = (module.partition(".")[0],)
-        return Experiment(name, group.path, (*settings, stage), code=packages), joint
+        return Experiment(name, group.path, (*settings, stage), code=packages), zipped
     except DeclarationError as error:
         raise ConfigurationError(str(error)) from None
 
@@ -299,7 +299,7 @@ def _declare_result(
         "names": names,
         "dims_of": dims_of,
         "reserved": reserved,
-        "about": attrs,
+        "extra_attributes": attrs,
     }
     return UndeclaredOutput(
         name, shared_dims, dtype or FLOAT, label=name, infer_dtype=not dtype, **options

@@ -39,10 +39,10 @@ from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.declare.settings import (
     CLUSTERS,
     Choices,
-    Joint,
     Run,
     Setting,
-    Together,
+    Zip,
+    ZippedAxis,
     flatten,
     nested,
     read_choices,
@@ -205,21 +205,21 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
             f"{key} is {inputs.get(key)}, but must refer to keys that have a value ({reason})"
         ) from error
     inputs = flatten(experiment.declared, values)
-    (groups,) = Together.zip.values(inputs.get(Together.zip.key))
-    together = [[_find_setting(experiment, name) for name in names] for names in groups]
-    joint = [_make_zip_axis(settings, inputs) for settings in together]
-    zipped = [key for axis in joint for key in axis.keys]
-    if repeated := [key for key in zipped if zipped.count(key) > 1]:
+    (groups,) = Zip.zip.values(inputs.get(Zip.zip.key))
+    zipped_settings = [[_find_setting(experiment, name) for name in names] for names in groups]
+    zipped = [_make_zipped_axis(settings, inputs) for settings in zipped_settings]
+    zipped_keys = [key for axis in zipped for key in axis.keys]
+    if repeated := [key for key in zipped_keys if zipped_keys.count(key) > 1]:
         raise ConfigurationError(
             f"grid.zip has {repeated[0]!r} more than once, but keys must differ"
         )
-    for key in zipped:  # a setting may repeat values on a joint axis
+    for key in zipped_keys:  # a setting may repeat values on a zipped axis
         if isinstance(listed := inputs.get(key), list):
             inputs[key] = [
                 value for position, value in enumerate(listed) if value not in listed[:position]
             ]
     choices = read_choices(experiment.declared, inputs)
-    return Choices(choices.values, (*choices.joint, *joint))
+    return Choices(choices.values, (*choices.zipped, *zipped))
 
 
 def _check_tree(experiment: Experiment, tree: Mapping[str, Any], node: Any, parent: str) -> None:
@@ -260,8 +260,8 @@ def unknown_key_error(
 # settings that run together -----------------------------------------------------------------------
 
 
-def _make_zip_axis(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Joint:
-    """Return the joint axis of settings that run together."""
+def _make_zipped_axis(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> ZippedAxis:
+    """Return the zipped axis of settings that run together."""
     keys = [setting.key for setting in settings]
     pairs = ((setting, inputs.get(setting.key, setting.default_input)) for setting in settings)
     listed = [_values_in_given_order(*pair) for pair in pairs]
@@ -277,7 +277,7 @@ def _make_zip_axis(settings: Sequence[Setting], inputs: Mapping[str, Any]) -> Jo
     if len(set(points)) < len(points):
         problem = f"grid.zip has {', '.join(keys)}"
         raise ConfigurationError(f"{problem}, which repeat a combination of values")
-    return Joint("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
+    return ZippedAxis("_".join(setting.name for setting in settings), tuple(keys), tuple(points))
 
 
 def _values_in_given_order(setting: Setting, value: Any) -> list[Any]:
@@ -289,7 +289,7 @@ def _values_in_given_order(setting: Setting, value: Any) -> list[Any]:
 
 def _find_setting(experiment: Experiment, name: str) -> Setting:
     """Return the setting of a key, or of the last word of a key."""
-    exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Together.key}.{name}")
+    exact = experiment.by_key.get(name) or experiment.by_key.get(f"{Zip.key}.{name}")
     settings = experiment.declared
     matches = [exact] if exact else [setting for setting in settings if setting.name == name]
     if len(matches) != 1:
@@ -542,7 +542,7 @@ def fuse_jobs(experiment: Experiment, jobs: Sequence[Job]) -> list[tuple[Choices
 
 def _fuse_group(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
     first = jobs[0].choices
-    if any(job.choices.joint != first.joint for job in jobs):
+    if any(job.choices.zipped != first.zipped for job in jobs):
         raise ConfigurationError(f"grid.zip differs between jobs of one store; {SEPARATE}")
     union: dict[Setting, Point] = {}  # of settings that differ
     for setting in experiment.declared:
@@ -558,9 +558,9 @@ def _fuse_group(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
             )
         union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}
-    joint = _joint_axes(jobs, union) if union else []
+    zipped = _zipped_axes(jobs, union) if union else []
     merged = {**first.values, **values_of}
-    return replace(first, values=merged, joint=(*first.joint, *joint), read_keys=set())
+    return replace(first, values=merged, zipped=(*first.zipped, *zipped), read_keys=set())
 
 
 def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
@@ -574,16 +574,16 @@ def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
         )
 
 
-def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joint]:
-    """Return the joint axes of settings that are not crossed, or one axis of all settings."""
+def _zipped_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[ZippedAxis]:
+    """Return the zipped axes of settings that are not crossed, or one axis of all settings."""
 
-    def make_joint_axis(
+    def make_zipped_axis(
         name: str, settings: Iterable[Setting], labels: Mapping[Point, str]
-    ) -> Joint:
+    ) -> ZippedAxis:
         keys = tuple(setting.key for setting in settings)
-        return Joint(name, keys, tuple(labels), tuple(labels.values()))
+        return ZippedAxis(name, keys, tuple(labels), tuple(labels.values()))
 
-    groups: list[Joint] = []
+    groups: list[ZippedAxis] = []
     single = list(union)
     for key in jobs[0].overrides:
         following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
@@ -597,7 +597,7 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
             }
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
             groups.append(
-                make_joint_axis(name, following, dict(sorted(labels.items(), key=_label_sort_key)))
+                make_zipped_axis(name, following, dict(sorted(labels.items(), key=_label_sort_key)))
             )
     products = (product(*(job.choices[setting] for setting in union)) for job in jobs)
     points = {point for crossed in products for point in crossed}
@@ -611,7 +611,7 @@ def _joint_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Joi
         )
         for point in ordered
     }
-    return [make_joint_axis("job", union, labels)]
+    return [make_zipped_axis("job", union, labels)]
 
 
 def _is_decided_by(jobs: Sequence[Job], key: str, setting: Setting) -> bool:

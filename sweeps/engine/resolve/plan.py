@@ -41,8 +41,8 @@ class Axis:
     name: str
     settings: tuple[Setting, ...]
     points: tuple[tuple[Value, ...], ...]  # the values of all settings, by position
-    labels: tuple[str, ...] | None = None  # of the positions of a joint axis
-    unlabelled: bool = False  # see `Joint`
+    labels: tuple[str, ...] | None = None  # of the positions of a zipped axis
+    unlabelled: bool = False  # see `ZippedAxis`
 
     @property
     def is_swept(self) -> bool:
@@ -50,22 +50,22 @@ class Axis:
         return len(self.points) > 1
 
     @property
-    def is_joint(self) -> bool:
+    def is_zipped(self) -> bool:
         """Whether several settings run along it, or its positions have labels."""
         return self.labels is not None or len(self.settings) > 1
 
 
 def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]:
-    """Return every axis; a joint axis stands where the first of its settings does."""
+    """Return every axis; a zipped axis stands where the first of its settings does."""
     by_key = {setting.key: setting for setting in settings}
     axes = {
         setting.key: Axis(setting.name, (setting,), tuple((v,) for v in choices[setting]))
         for setting in settings
     }
-    for joint in choices.joint:
-        members = tuple(by_key[key] for key in joint.keys)
-        axis = Axis(joint.name, members, joint.points, joint.labels or (), joint.unlabelled)
-        axes |= dict.fromkeys(joint.keys, axis)
+    for zipped in choices.zipped:
+        members = tuple(by_key[key] for key in zipped.keys)
+        axis = Axis(zipped.name, members, zipped.points, zipped.labels or (), zipped.unlabelled)
+        axes |= dict.fromkeys(zipped.keys, axis)
     return tuple({id(axis): axis for axis in axes.values()}.values())
 
 
@@ -120,7 +120,7 @@ class Plan:
             for number, axis in enumerate(self.axes)
             for position, setting in enumerate(axis.settings)
         }
-        self._all_stages = bind(experiment, choices.joint)
+        self._all_stages = bind(experiment, choices.zipped)
         self.targets = stored_stages(self._all_stages.values(), choices)
         self.bound = with_inputs(self.targets, self._all_stages)
         self._strides = {bound: self._axis_strides(bound) for bound in self.bound.values()}
@@ -132,7 +132,7 @@ class Plan:
         self._plain_values: dict[BoundStage, NDArray[np.object_]] = {}  # by number of the cell
         self._check_size()
         for bound in self.bound.values():
-            self._check_joint(bound)
+            self._check_zipped(bound)
             if bound.stage.substitutions:
                 self.input_cells(bound)  # may refuse the substitutions
 
@@ -142,7 +142,7 @@ class Plan:
             _setting_keys(self.bound.values()),
             _setting_keys(self._all_stages.values()),
         )
-        recorder = Choices(self.choices.values, self.choices.joint)
+        recorder = Choices(self.choices.values, self.choices.zipped)
         for group in {bound.stage.group for bound in self._all_stages.values()}:
             group.when(recorder)
         read |= recorder.read_keys
@@ -174,7 +174,7 @@ class Plan:
         read = _setting_keys(self.bound.values())
         settings = [
             setting
-            for setting in self.experiment.own_settings
+            for setting in self.experiment.experiment_settings
             if setting.key in read and self._is_varied(setting)
         ]
         return sorted(settings, key=lambda setting: setting.key not in self.choices.given)
@@ -221,10 +221,10 @@ class Plan:
                 f"numbers of values: {listed}"
             )
 
-    def _check_joint(self, bound: BoundStage) -> None:
+    def _check_zipped(self, bound: BoundStage) -> None:
         """Refuse gathered settings that run together with others."""
         for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
-            if axis.is_swept and axis.is_joint and not bound.stage.is_plain:
+            if axis.is_swept and axis.is_zipped and not bound.stage.is_plain:
                 raise ConfigurationError(
                     f"{axis.settings[0].key} cannot be zipped with other settings: stage "
                     f"{bound.name} gathers all its values"

@@ -12,8 +12,8 @@ from sweeps.engine.declare.errors import SweepIncomplete
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import allow_interrupts
-from sweeps.engine.run.schedule import Schedule, Task, Watch
-from sweeps.engine.run.tasks import DamagedResults, Outcome, Report, run_batches, uneven_error
+from sweeps.engine.run.schedule import Callbacks, Schedule, Task
+from sweeps.engine.run.tasks import DamagedResults, Outcome, TaskReport, run_batches, uneven_error
 
 QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
 
@@ -41,7 +41,9 @@ def call_each(
         progress()
 
 
-def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Watch) -> Failures:
+def execute(
+    schedule: Schedule, executor: Executor, index: CellIndex, callbacks: Callbacks
+) -> Failures:
     """Run all calls of a schedule, and record finished cells in the index.
 
     Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
@@ -80,7 +82,7 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
             if error is not None:
                 crash = Failure("", one_line(error), traceback=format_traceback(error))
                 cells = range(len(task.batches[0].cells))
-                report = Report((Outcome(0.0, dict.fromkeys(cells, crash)),))
+                report = TaskReport((Outcome(0.0, dict.fromkeys(cells, crash)),))
             if report.write_error is not None:
                 raise report.write_error
             for planned, outcome in zip(task.batches, report.outcomes, strict=True):
@@ -88,12 +90,12 @@ def execute(schedule: Schedule, executor: Executor, index: CellIndex, watch: Wat
                 pack = NO_PACK if outcome.pack is None else index.add(outcome.pack)
                 for failure in schedule.record_outcome(planned, outcome, pack, split=error is None):
                     failures.append(failure[:2])
-                    watch.failed(failure)
+                    callbacks.failed(failure)
             for stage, output, shape in report.shapes:
                 first = shapes.setdefault((stage, output), shape)
                 if shape != first:
                     raise uneven_error(stage, output, shape, first)
-        watch.step(schedule)
+        callbacks.step(schedule)
     if damaged:
         raise DamagedResults(*sorted(damaged))
     return failures

@@ -22,19 +22,22 @@ from sweeps.engine.declare.failures import Failure, FailureLog
 from sweeps.engine.declare.paths import PathOrUrl, join, resolve_path
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.run.process import say
-from sweeps.engine.run.schedule import Progress, Schedule, Watch
+from sweeps.engine.run.schedule import Callbacks, Progress, Schedule
 
 LINE_INTERVAL = 10.0  # s between plain lines
 MIN_WORK = 3.0  # s of work done before the rest is estimated
 NAMED_FAILURES = 5  # all are in the log of failures and in the attributes of the store
 MAX_BARS = 8  # stages that the live display shows: a terminal may have 24 lines
-MAX_STAGES, MIN_SECONDS = 3, 0.05  # stages whose time the summary lists, and the least time [s]
+MAX_STAGES, MIN_LISTED_SECONDS = (
+    3,
+    0.05,
+)  # stages whose time the summary lists, and the least time [s]
 
 
 @contextmanager
 def show_progress(
     name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, *, record: bool = True
-) -> Iterator[Watch]:
+) -> Iterator[Callbacks]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
     The first failures are shown, and all are logged. With `record`, its state is also written into
@@ -43,7 +46,7 @@ def show_progress(
     view = _ProgressView(name, log, store, cache, record)
     with view.live:
         try:
-            yield Watch(view.say, view.update, view.report_failure)
+            yield Callbacks(view.say, view.update, view.report_failure)
             view.state["ended"] = "finished"
         finally:
             view.write()
@@ -187,7 +190,7 @@ def summary(stages: Mapping[str, Progress], seconds: float) -> str:
     """Return the numbers of computed, reused and failed cells, and the stages that took longest."""
     total = Progress.sum(stages.values())
     longest = sorted(stages.items(), key=lambda item: item[1].seconds, reverse=True)
-    slow = (item for item in longest[:MAX_STAGES] if item[1].seconds >= MIN_SECONDS)
+    slow = (item for item in longest[:MAX_STAGES] if item[1].seconds >= MIN_LISTED_SECONDS)
     parts = [f"{name} {progress.seconds:.1f} s" for name, progress in slow]
     return (
         f"{total.done:,} cells computed, {total.reused:,} reused, {total.failed:,} failed in "

@@ -137,12 +137,12 @@ class CallQueue:
         return objects
 
     def take_task_calls(
-        self, costs: Mapping[str, float], size: float, together: float
+        self, costs: Mapping[str, float], size: float, shared_size: float
     ) -> Iterator[Call]:
         """Remove and yield calls that take about `size` seconds, by the stages' costs of a cell.
 
         Yields at least one call. Calls that share their first two in-memory objects and need a
-        third stay in one task of up to `together` seconds, because each task rebuilds objects.
+        third stay in one task of up to `shared_size` seconds, because each task rebuilds objects.
         """
         seconds, count = 0.0, 0
         previous: list[int] = []
@@ -154,7 +154,7 @@ class CallQueue:
                 break
             objects = block.objects[block.position].tolist() if block else []
             shared = len(objects) > 2 and objects[2] >= 0 and objects[:2] == previous
-            if count and seconds >= (together if shared else size):
+            if count and seconds >= (shared_size if shared else size):
                 break
             if block:
                 bound, (begin, end) = block.next_calls(1)
@@ -187,7 +187,7 @@ class CallQueue:
             self._ready.popleft()
 
 
-MIN_SECONDS, MAX_SECONDS = 0.2, 1.5  # s, range of a task's duration
+MIN_TASK_SECONDS, MAX_TASK_SECONDS = 0.2, 1.5  # s, range of a task's duration
 MAX_SHARED_SECONDS = 5.0  # s, longest task if cells share costly objects
 UNTIMED_SECONDS = 0.1  # s a cell, until one is timed
 
@@ -434,9 +434,9 @@ class Schedule:
         """
         costs = defaultdict(lambda: UNTIMED_SECONDS, self.costs)
         remaining = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
-        size = min(max(remaining / (3 * workers), MIN_SECONDS), MAX_SECONDS)
-        together = min(MAX_SHARED_SECONDS, max(remaining / workers / 2, size))
-        task = self._make_task(self._calls.take_task_calls(costs, size, together))
+        size = min(max(remaining / (3 * workers), MIN_TASK_SECONDS), MAX_TASK_SECONDS)
+        shared_size = min(MAX_SHARED_SECONDS, max(remaining / workers / 2, size))
+        task = self._make_task(self._calls.take_task_calls(costs, size, shared_size))
         message = "task of %s: about %.2g s, of %.3g s of work left for %d workers"
         LOG.debug(
             message, [planned.bound.name for planned in task.batches], size, remaining, workers
@@ -612,7 +612,7 @@ class Schedule:
 
 
 @dataclass
-class Watch:
+class Callbacks:
     """Observer of a sweep: called with sentences, on every change, and with failures."""
 
     say: Callable[[str], None]

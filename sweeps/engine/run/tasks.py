@@ -32,7 +32,7 @@ from sweeps.engine.declare.failures import (
     format_traceback,
     one_line,
 )
-from sweeps.engine.declare.stage import FIRST, RNG, VALID, Output, Stage
+from sweeps.engine.declare.stage import FIRST_PREFIX, RNG, VALID, Output, Stage
 from sweeps.engine.declare.undeclared import FLOAT, UndeclaredOutput, split_variables
 from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys, cell_rng
@@ -142,7 +142,7 @@ class Outcome(NamedTuple):
     pack: Pack | None = None
 
 
-class Report(NamedTuple):
+class TaskReport(NamedTuple):
     """Outcomes of the calls of a task."""
 
     outcomes: tuple[Outcome, ...]
@@ -163,7 +163,7 @@ def iter_results(packs: Objects, locations: Locations) -> Iterator[Arrays]:
         yield arrays
 
 
-def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects) -> Report:
+def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects) -> TaskReport:
     """Run calls in order, even if some raise, and pack their results.
 
     `order` has, for each call, the number of its batch.
@@ -176,8 +176,8 @@ def run_batches(batches: tuple[Batch, ...], order: Iterable[int], packs: Objects
         try:
             outcomes.append(batch.outcome())
         except OSError as error:
-            return Report((), write_error=error)
-    return Report(
+            return TaskReport((), write_error=error)
+    return TaskReport(
         tuple(outcomes),
         shapes=tuple(sorted({shape for batch in running for shape in batch.shapes})),
     )
@@ -189,7 +189,7 @@ def uneven_error(
     """Return the error of an output whose shape differs between cells but has no `pad`."""
     return DeclarationError(
         f"stage {stage}: {output} has the shape {shape} in one cell and {other} in another, but no "
-        f"value to pad it with; declare pad=..., or an output {FIRST}{{dimension}}"
+        f"value to pad it with; declare pad=..., or an output {FIRST_PREFIX}{{dimension}}"
     )
 
 

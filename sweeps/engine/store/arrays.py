@@ -161,7 +161,7 @@ class Array:
 
 
 @dataclass(eq=False)
-class Group:
+class ArrayGroup:
     """Variables and coordinates of one group, and its attributes."""
 
     arrays: dict[str, Array] = field(default_factory=dict)
@@ -175,7 +175,7 @@ class Group:
         extra = {"coordinates": " ".join(sorted(auxiliary))} if auxiliary else {}
         return encode_attrs(self.attrs) | extra
 
-    def fold_scalars(self, taken: Collection[str] = ()) -> Group:
+    def fold_scalars(self, taken: Collection[str] = ()) -> ArrayGroup:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
         The attribute `SCALARS` has the attributes of each one, for `tables.restore_scalars`. A
@@ -210,7 +210,7 @@ class Group:
             }
         }
         arrays = {name: array for name, array in self.arrays.items() if name not in scalars}
-        return Group(arrays, {**self.attrs, **scalar_values, **scalar_attrs})
+        return ArrayGroup(arrays, {**self.attrs, **scalar_values, **scalar_attrs})
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:

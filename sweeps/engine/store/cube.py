@@ -20,7 +20,7 @@ from sweeps.engine.declare.kinds import format_value
 from sweeps.engine.declare.settings import DIMENSION, Setting
 from sweeps.engine.declare.stage import (
     COORDINATE,
-    FIRST,
+    FIRST_PREFIX,
     MEASURED,
     SHARE,
     STATE,
@@ -33,7 +33,7 @@ from sweeps.engine.declare.undeclared import UndeclaredOutput, infer_outputs, lo
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.run.tasks import iter_results, uneven_error
-from sweeps.engine.store.arrays import Array, Group, Region, suggest_chunks
+from sweeps.engine.store.arrays import Array, ArrayGroup, Region, suggest_chunks
 
 MISSING, FAILED, DONE = -1, 0, 1
 FLAGS = {"flag_values": [MISSING, FAILED, DONE], "flag_meanings": "missing failed done"}
@@ -50,11 +50,11 @@ class StoredVariable:
     group: str
     name: str  # in its group
     axes: tuple[int, ...]  # numbers of the axes that are dimensions, in their order
-    order: tuple[int, ...]  # source of each dimension: these axes first, then its own
+    order: tuple[int, ...]  # source of each dimension: these axes first, then its inner dimensions
 
     @property
     def origin(self) -> dict[str, Output]:
-        """The outputs with the index at which a cell begins, by own dimension."""
+        """The outputs with the index at which a cell begins, by inner dimension."""
         return self.bound.stage.origin(self.output)
 
 
@@ -71,16 +71,16 @@ class RegionReader:
     output: Output
     fixed_shape: bool  # whether all arrays have one shape
     shape: tuple[int, ...]  # along the axes
-    own_starts: tuple[int, ...]  # starts of own dimensions
-    own_lengths: tuple[int, ...]  # and lengths
-    own_region: tuple[slice, ...]  # part of them in the region
-    order: tuple[int, ...]  # of the dimensions, axes and own
+    inner_starts: tuple[int, ...]  # starts of inner dimensions
+    inner_lengths: tuple[int, ...]  # and lengths
+    inner_region: tuple[slice, ...]  # part of them in the region
+    order: tuple[int, ...]  # of the dimensions, axes and inner
     present: Cells
     failed: Cells
 
     def read(self, region: Region) -> NDArray[Any]:
         """Return the values of the region; raise `DamagedResults` if a cell is damaged."""
-        output, lengths = self.output, self.own_lengths
+        output, lengths = self.output, self.inner_lengths
         dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *lengths), empty, dtype=dtype)
         flat[self.failed] = FAILED
@@ -96,17 +96,17 @@ class RegionReader:
                 raise uneven_error(self.stage, output.name, array.shape, lengths)
             if output.pad is not None:
                 flat[number] = output.pad
-            corner = map(int.__sub__, _start_indices(output, arrays), self.own_starts)
+            corner = map(int.__sub__, _start_indices(output, arrays), self.inner_starts)
             ends = zip(corner, array.shape, strict=True)
             corner_region: Any = [slice(begin, begin + size) for begin, size in ends]
             flat[(number, *corner_region)] = array
-        own_index: Any = (..., *self.own_region)
-        return flat.reshape((*self.shape, *lengths))[own_index].transpose(self.order)
+        inner_index: Any = (..., *self.inner_region)
+        return flat.reshape((*self.shape, *lengths))[inner_index].transpose(self.order)
 
 
 def _start_indices(output: Output, arrays: Arrays) -> list[int]:
-    """Return the index at which a cell begins on each own dimension."""
-    return [int(arrays.get(f"{FIRST}{dim}", 0)) for dim in output.dims]
+    """Return the index at which a cell begins on each inner dimension."""
+    return [int(arrays.get(f"{FIRST_PREFIX}{dim}", 0)) for dim in output.dims]
 
 
 def stored_variables(
@@ -153,7 +153,7 @@ class Cube:
 
     schedule: Schedule
     packs: Objects
-    # By group: starts of own dimensions that have an origin, and lengths of all.
+    # By group: starts of inner dimensions that have an origin, and lengths of all.
     _extents: dict[str, tuple[dict[str, int], dict[str, int]]] = field(default_factory=dict)
 
     @property
@@ -161,7 +161,7 @@ class Cube:
         """The plan of the cells."""
         return self.schedule.plan
 
-    def groups(self) -> dict[str, Group]:
+    def groups(self) -> dict[str, ArrayGroup]:
         """Return groups of the store by path; raise `DamagedResults` if a cell is damaged."""
         members: dict[str, list[StoredVariable]] = defaultdict(list)
         group_coordinates: dict[str, dict[str, Array]] = defaultdict(dict)
@@ -174,7 +174,7 @@ class Cube:
         for name, arrays in group_coordinates.items():
             groups[name].arrays.update(arrays)
         if states := self._states(members[STATUS]):
-            groups.setdefault(STATUS, Group()).arrays.update(states)
+            groups.setdefault(STATUS, ArrayGroup()).arrays.update(states)
         return dict(sorted(groups.items()))
 
     def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
@@ -205,7 +205,7 @@ class Cube:
                 )
         return [variable for variable in inferred if variable.name not in coordinates], coordinates
 
-    def _group(self, variables: Sequence[StoredVariable]) -> Group:
+    def _group(self, variables: Sequence[StoredVariable]) -> ArrayGroup:
         """Return a group of its variables, and the coordinates of their dimensions."""
         names, arrays = self._names(variables), dict[str, Array]()
         starts, lengths = self._extents[variables[0].group] = self._find_extents(variables)
@@ -215,7 +215,7 @@ class Cube:
                 attrs = {"units": first.unit, "long_name": first.label}
                 arrays[dim] = Array.from_values((dim,), values, attrs, coordinate=True)
             arrays[variable.name] = self._variable(variable, names)
-        return Group(arrays | self._coordinates(variables, names))
+        return ArrayGroup(arrays | self._coordinates(variables, names))
 
     def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
         """Return the names of all axes of a group: the whole key if its last word is in use."""
@@ -241,11 +241,11 @@ class Cube:
     def _variable(self, variable: StoredVariable, names: Mapping[int, str]) -> Array:
         """Return the variable of an output."""
         output, (_, lengths) = variable.output, self._extents[variable.group]
-        own_lengths = [lengths[dim] for dim in output.dims]
-        shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *own_lengths)
+        inner_lengths = [lengths[dim] for dim in output.dims]
+        shape = (*(len(self.plan.axes[number].points) for number in variable.axes), *inner_lengths)
         dims = (*(names[number] for number in variable.axes), *output.dims)
         dtype, empty = output.store_dtype
-        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(own_lengths))
+        chunks = suggest_chunks(shape, dtype.itemsize, whole=len(inner_lengths))
         words = dtype.kind == "U"
         attrs: dict[str, Any] = {} if dtype.kind in "UM" else {"units": output.unit}
         attrs |= {"long_name": output.label, **output.attrs}
@@ -291,7 +291,7 @@ class Cube:
     def _find_extents(
         self, variables: Sequence[StoredVariable]
     ) -> tuple[dict[str, int], dict[str, int]]:
-        """Return starts of own dimensions with an origin, and lengths of all, over all cells."""
+        """Return starts of inner dimensions with an origin, and lengths of all, over all cells."""
         ends: dict[tuple[str, bool], tuple[int, int]] = {}  # by dimension and if it has an origin
         lengths: dict[str, int] = {}
         for variable in variables:
@@ -322,7 +322,7 @@ class Cube:
     ) -> Callable[[Region], NDArray[Any]]:
         """Return a picklable reader of a region of a variable."""
         output, (starts, lengths) = variable.output, self._extents[variable.group]
-        ranges, own_region, results = self._split_region(variable, region)
+        ranges, inner_region, results = self._split_region(variable, region)
         state = output.role == STATE
         failed = np.flatnonzero(np.isin(results, [*self.schedule.failed])) if state else results[:0]
         present = np.flatnonzero(self.schedule.locations.present[results])
@@ -333,11 +333,11 @@ class Cube:
             output,
             variable.bound.stage.has_fixed_shape(output),
             shape=tuple(map(len, ranges)),
-            own_starts=tuple(
+            inner_starts=tuple(
                 starts.get(dim, 0) if dim in variable.origin else 0 for dim in output.dims
             ),
-            own_lengths=tuple(lengths[dim] for dim in output.dims),
-            own_region=own_region,
+            inner_lengths=tuple(lengths[dim] for dim in output.dims),
+            inner_region=inner_region,
             order=variable.order,
             present=present,
             failed=failed,
@@ -346,18 +346,18 @@ class Cube:
     def _source_bytes(self, variable: StoredVariable, region: Region) -> bytes:
         """Return bytes that determine the values of a region: keys of cells and their layout."""
         output, (starts, lengths) = variable.output, self._extents[variable.group]
-        _, own_region, results = self._split_region(variable, region)
+        _, inner_region, results = self._split_region(variable, region)
         locations, failed = self.schedule.locations, self.schedule.failed
         keys = np.where(locations.present[results, None], locations.keys[results], 0)
         flags = np.isin(results, [*failed]) if output.role == STATE else np.empty(0, bool)
         extents = [(dim, starts.get(dim), lengths[dim]) for dim in output.dims]
-        layout = [output.name, output.pad, variable.order, extents, [*own_region]]
+        layout = [output.name, output.pad, variable.order, extents, [*inner_region]]
         return repr(layout).encode() + flags.tobytes() + keys.tobytes()
 
     def _split_region(
         self, variable: StoredVariable, region: Region
     ) -> tuple[list[range], Region, Cells]:
-        """Return the ranges of axes in a region, its own dimensions, and its results."""
+        """Return the ranges of axes in a region, its inner dimensions, and its results."""
         natural = [region[k] for k in np.argsort(variable.order)]
         count = len(variable.axes)
         ranges = [range(span.start, span.stop) for span in natural[:count]]
@@ -376,7 +376,7 @@ class Cube:
             elif not axis.is_swept:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
                     if setting.single == COORDINATE:
-                        label = setting.name if axis.is_joint else name
+                        label = setting.name if axis.is_zipped else name
                         coordinates |= setting_coordinates(setting, label, [value], scalar=True)
         return coordinates
 
@@ -440,11 +440,11 @@ class Cube:
 def axis_coordinates(axis: Axis, name: str) -> dict[str, Array]:
     """Return the coordinates of an axis: the values of its settings.
 
-    Positions of a joint axis are labelled by their values, as in 'mass=3,limit=9', unless they
+    Positions of a zipped axis are labelled by their values, as in 'mass=3,limit=9', unless they
     have labels. The kind of a setting may add others.
     """
     columns = list(zip(*axis.points, strict=True))
-    if not axis.is_joint:
+    if not axis.is_zipped:
         return setting_coordinates(axis.settings[0], name, columns[0])
     coordinates: dict[str, Array] = {}
     for setting, values in zip(axis.settings, columns, strict=True):

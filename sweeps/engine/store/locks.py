@@ -67,7 +67,7 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
             release()
 
 
-def silence(path: PathOrUrl) -> float | None:
+def seconds_since_renewal(path: PathOrUrl) -> float | None:
     """Return the seconds since a store's lock was renewed; None if nobody is seen to hold it.
 
     The operating system frees the lock of a folder when its owner ends, so this is 0 there. In a
@@ -119,7 +119,9 @@ def _lock_file(folder: Path, name: str) -> Lock:
             if os.fstat(file.fileno()).st_nlink:  # else its owner has just deleted it
                 break
         with file:
-            if time.monotonic() > deadline:  # not at once: `silence` may hold it for a moment
+            if (
+                time.monotonic() > deadline
+            ):  # not at once: `seconds_since_renewal` may hold it for a moment
                 raise _LockHeldError(file.read())
         time.sleep(LOCK_SECONDS / 10)
     file.truncate(0)  # of a killed owner

@@ -20,7 +20,7 @@ from sweeps.engine.declare.kinds import (
     Word,
     format_value,
 )
-from sweeps.engine.declare.settings import Joint, Run, Setting, flatten, nested, read_choices
+from sweeps.engine.declare.settings import Run, Setting, ZippedAxis, flatten, nested, read_choices
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.resolve.modules import save_parsed_modules
@@ -65,10 +65,10 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "swept": [setting.name for setting in plan.varied_settings],
         **experiment.attributes(choices),
     }
-    if choices.joint:
+    if choices.zipped:
         attributes["joint"] = [
             [axis.name, axis.keys, [[*map(str, point)] for point in axis.points], axis.labels]
-            for axis in choices.joint
+            for axis in choices.zipped
         ]
     if failures:
         attributes["failures"] = dict(sorted(failures.items()))
@@ -207,13 +207,13 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
     texts = replace(
         old_choices,
         values={key: tuple(map(str, values)) for key, values in old_choices.values.items()},
-        joint=tuple(Joint(*axis) for axis in old.get("joint", ())),
+        zipped=tuple(ZippedAxis(*axis) for axis in old.get("joint", ())),
     )
-    for joint in plan.choices.joint:
-        points = {tuple(map(str, point)) for point in joint.points}
-        if not set(texts.points(joint.keys)) <= points:
+    for zipped in plan.choices.zipped:
+        points = {tuple(map(str, point)) for point in zipped.points}
+        if not set(texts.points(zipped.keys)) <= points:
             raise ConfigurationError(
-                f"store is {path!r}, which has other values of {', '.join(sorted(joint.keys))} "
+                f"store is {path!r}, which has other values of {', '.join(sorted(zipped.keys))} "
                 "together; include these points in those that run together, or give another store"
             )
     current = {"code": plan.code, "versions": versions(plan)}

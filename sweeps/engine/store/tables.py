@@ -28,13 +28,13 @@ from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import DamagedResults
-from sweeps.engine.store.arrays import BOTH, SCALARS, Array, Group, metadata
+from sweeps.engine.store.arrays import BOTH, SCALARS, Array, ArrayGroup, metadata
 from sweeps.engine.store.writing import zarr_store
 
 MAX_ROWS = 20  # rows of a table at the end of a sweep
 
 
-def add_tables(plan: Plan, groups: dict[str, Group]) -> list[Failure]:
+def add_tables(plan: Plan, groups: dict[str, ArrayGroup]) -> list[Failure]:
     """Add to the groups of a store, by path, all tables computed from them.
 
     Variables that a table uses stay in memory, and are not read again when they are written.
@@ -114,7 +114,7 @@ class LazyArray(BackendArray):
         return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, values.__getitem__)
 
 
-def to_dataset(group: Group) -> xr.Dataset:
+def to_dataset(group: ArrayGroup) -> xr.Dataset:
     """Return the data set that xarray would open from a written group, read lazily."""
     variables = {  # with their dtype, else xarray makes objects of texts
         name: xr.Variable(
@@ -144,7 +144,7 @@ def restore_scalars(dataset: xr.Dataset) -> xr.Dataset:
     return restored
 
 
-def from_dataset(dataset: xr.Dataset) -> Group:
+def from_dataset(dataset: xr.Dataset) -> ArrayGroup:
     """Return the group of a store that holds a data set; TypeError if it cannot be stored."""
     arrays = {
         str(name): Array.from_values(
@@ -157,4 +157,4 @@ def from_dataset(dataset: xr.Dataset) -> Group:
     }
     for array in arrays.values():
         metadata(array)
-    return Group(arrays, dataset.attrs)
+    return ArrayGroup(arrays, dataset.attrs)

@@ -56,11 +56,11 @@ def check_cache_path(path: PathOrUrl) -> None:
 def check_targets(
     stores: Collection[PathOrUrl],
     cache: PathOrUrl,
-    beside: Callable[[Path], Iterable[Path]] = lambda store: (),
+    report_paths: Callable[[Path], Iterable[Path]] = lambda store: (),
 ) -> None:
     """Refuse stores and a cache that are unusable, nested, or in the way of a report.
 
-    `beside` returns the paths that the report of a store writes to, which may also be an existing
+    `report_paths` returns the paths that the report of a store writes to; one may be an existing
     store.
     """
     for path in stores:
@@ -69,7 +69,7 @@ def check_targets(
     stores_by_path = {resolve_path(path): path for path in stores}
     reports: dict[Path, PathOrUrl] = {}
     for path in stores_by_path.values():
-        for report in beside(path_beside(path)):
+        for report in report_paths(path_beside(path)):
             if resolve_path(report) in stores_by_path or is_store(report):
                 reason = f"whose report would be written into the store {str(report)!r}"
                 raise _path_error("store", path, f"{reason}; give another path")

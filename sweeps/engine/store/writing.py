@@ -30,7 +30,7 @@ from sweeps.engine.store.arrays import (
     KEY_PREFIXES,
     METADATA,
     Array,
-    Group,
+    ArrayGroup,
     Region,
     chunk_name,
     encode,
@@ -56,7 +56,7 @@ Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
 def write_store(
     path: PathOrUrl,
-    groups: Mapping[str, Group],
+    groups: Mapping[str, ArrayGroup],
     attributes: Mapping[str, Any],
     *,
     shared: tuple[str, ...] = (),
@@ -299,7 +299,7 @@ def write_on_worker(
 
 
 def _make_nodes(
-    groups: Mapping[str, Group],
+    groups: Mapping[str, ArrayGroup],
     arrays: Mapping[str, dict[str, Any]],
     attributes: Mapping[str, Any],
     shared: tuple[str, ...],
