@@ -162,7 +162,7 @@ class Command:
         register(experiment)
         overrides = [word for word in words if "=" in word and not word.startswith("-")]
         options = [word for word in words if word not in overrides]
-        before = sys.argv
+        argv = sys.argv
         sys.argv = [sys.argv[0], *options, *clear_before_set(experiment, overrides)]
         try:
             # Hydra then raises errors, instead of printing them and ending the process.
@@ -171,7 +171,7 @@ class Command:
                 name = config_name(experiment)
                 hydra.main(version_base="1.3", config_path=conf, config_name=name)(self._run_job)()
         finally:
-            sys.argv = before
+            sys.argv = argv
 
     def _check_option(self, word: str) -> None:
         """Refuse a setting or a group of settings that is written as an option."""

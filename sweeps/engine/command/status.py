@@ -28,17 +28,19 @@ def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:
         )
     try:
         state = json.loads(content)
-        read = state["stages"].items()
-        stages = {name: (Progress(*counts), float(work)) for name, (*counts, work) in read}
+        counts_by_stage = state["stages"].items()
+        stages = {
+            name: (Progress(*counts), float(work)) for name, (*counts, work) in counts_by_stage
+        }
         begun, updated = float(state["begun"]), float(state["at"])
-        process, ended = int(state["process"]), str(state["ended"])
+        process, outcome = int(state["process"]), str(state["ended"])
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigurationError(
             f"cache is {str(cache)!r}, whose state of the sweep of {str(store)!r} cannot be read"
         ) from error
     renewed_ago = seconds_since_renewal(store)
     running = renewed_ago is not None and renewed_ago <= LEASE
-    condition = f"running as process {process}" if running else ended
+    condition = f"running as process {process}" if running else outcome
     if renewed_ago is not None and not running:
         condition = (
             f"stopped: no sign of process {process} for {timedelta(seconds=round(renewed_ago))}"

@@ -73,7 +73,7 @@ class Variable(NamedTuple):
     coordinate: bool = False
 
 
-def split_variables(output: UndeclaredOutput, found: Any) -> tuple[list[tuple[Output, Any]], str]:
+def split_variables(output: UndeclaredOutput, result: Any) -> tuple[list[tuple[Output, Any]], str]:
     """Return the variables of a result with their values, and the JSON of their attributes.
 
     Raises TypeError, in a sentence, for impossible names.
@@ -81,7 +81,7 @@ def split_variables(output: UndeclaredOutput, found: Any) -> tuple[list[tuple[Ou
     declared: list[tuple[Output, Any]] = []
     metadata: dict[str, Any] = {}
     single_name = output.names[0] if len(output.names) == 1 else output.name
-    for name, returned in _iter_variables(single_name, output.names, found, output.name):
+    for name, returned in _iter_variables(single_name, output.names, result, output.name):
         values = _to_array(f"{output.name} returned the variable {name!r}", returned.values)
         if returned.coordinate and not values.ndim and name in output.reserved:
             continue  # an argument that the function returned

@@ -204,8 +204,8 @@ def _declare_experiment(
             )
     settings, zipped = read_values(name, values, attrs)
     reads = _argument_settings(name, function, values, settings)
-    read = {setting.key for setting in reads.values()}
-    if unused := [axis.name for axis in zipped if read.isdisjoint(axis.keys)]:
+    read_keys = {setting.key for setting in reads.values()}
+    if unused := [axis.name for axis in zipped if read_keys.isdisjoint(axis.keys)]:
         message = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
         raise ConfigurationError(message)
     reserved = frozenset([setting.name for setting in settings] + [axis.name for axis in zipped])
@@ -235,9 +235,11 @@ def _argument_settings(
         problem = f"function is {name}, whose arguments Python cannot inspect"
         raise ConfigurationError(f"{problem}; wrap it in a function") from None
     by_kind = {parameter.name: parameter.kind for parameter in parameters}
-    needed = {parameter.name for parameter in parameters if parameter.default is parameter.empty}
+    required = {parameter.name for parameter in parameters if parameter.default is parameter.empty}
     for argument, kind in by_kind.items():
-        if kind is inspect.Parameter.POSITIONAL_ONLY and (argument in values or argument in needed):
+        if kind is inspect.Parameter.POSITIONAL_ONLY and (
+            argument in values or argument in required
+        ):
             remedy = f"lambda {argument}: {name}({argument})"
             raise ConfigurationError(
                 f"{name} takes {argument!r} by position only, but must take it by name, as in "
@@ -245,19 +247,19 @@ def _argument_settings(
             )
     takes_any = inspect.Parameter.VAR_KEYWORD in by_kind.values()
     several = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
-    known = [argument for argument, kind in by_kind.items() if kind not in several]
+    named = [argument for argument, kind in by_kind.items() if kind not in several]
     labels = getattr(values, "coords", ())
     for argument in values:
-        if argument not in known and argument not in labels and not takes_any:
+        if argument not in named and argument not in labels and not takes_any:
             raise ConfigurationError(
-                f"values has {argument!r}, but {name} takes {', '.join(known) or 'no name'}"
+                f"values has {argument!r}, but {name} takes {', '.join(named) or 'no name'}"
             )
         if argument in (RNG, VALID):
             raise ConfigurationError(f"values has {argument!r}, a reserved name")
     return {
         setting.name: setting
         for setting in settings
-        if setting.name in known or setting.name not in labels
+        if setting.name in named or setting.name not in labels
     }
 
 

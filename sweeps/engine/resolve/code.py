@@ -128,8 +128,8 @@ def _scan(code: CodeType) -> _Scan:
             imports.append((imports[-1][0], step.argval))
         elif step.opname == "STORE_NAME" and step.argval in _CLASS_METADATA:
             del lines[-2:]
-    every = {*code.co_names}.union(*(scan.names for scan in inner))
-    return _Scan("\n".join(lines), chains, imports, every)
+    all_names = {*code.co_names}.union(*(scan.names for scan in inner))
+    return _Scan("\n".join(lines), chains, imports, all_names)
 
 
 def _constant(value: Any) -> str:
@@ -192,17 +192,17 @@ class _Walk:
         if module == "functools" and hasattr(function, "registry"):  # one for each type
             return self._variable_token(f"registry of {label}", function.registry)
         defaults = function.__defaults__ or ()
-        held = dict(zip(code.co_varnames[: code.co_argcount][::-1], defaults[::-1], strict=False))
-        held |= {**(function.__kwdefaults__ or {}), **vars(function)}
+        values = dict(zip(code.co_varnames[: code.co_argcount][::-1], defaults[::-1], strict=False))
+        values |= {**(function.__kwdefaults__ or {}), **vars(function)}
         for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
             with suppress(ValueError):  # an empty cell
-                held[name] = cell.cell_contents
+                values[name] = cell.cell_contents
         variables = [
-            (key, self._variable_token(f"{key} of {label}", held[key])) for key in sorted(held)
+            (key, self._variable_token(f"{key} of {label}", values[key])) for key in sorted(values)
         ]
         if self._is_in_module(function, module):
             return variables
-        scan, before = _scan(code), self._label(space, module)
+        scan, file_label = _scan(code), self._label(space, module)
         for owner, name in scan.imports:
             self._add_module(absolute_name(owner, space.get("__package__") or module), name)
         if DYNAMIC_NAMES & scan.names:
@@ -219,7 +219,7 @@ class _Walk:
                         self._add_module(".".join((value.__name__, *attributes[:number])), name)
                     variables.append((path, f"module {value.__name__}"))
                 else:
-                    variables.append((path, self._variable_token(f"{before}.{path}", value)))
+                    variables.append((path, self._variable_token(f"{file_label}.{path}", value)))
         return scan.text, variables
 
     def _class_content(self, label: str, cls: type) -> Any:
@@ -237,8 +237,8 @@ class _Walk:
         """Add the whole file of a function that may use any of its globals."""
         name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
-            what = f"{label} uses eval or similar, and is in no file"
-            raise ConfigurationError(f"{what}: name the values that it takes, {REMEDY}")
+            problem = f"{label} uses eval or similar, and is in no file"
+            raise ConfigurationError(f"{problem}: name the values that it takes, {REMEDY}")
         module = read_module(name, file, file.stat().st_mtime_ns)
         self.parts[f"code of {name}"] = module.digest
         for target in module.imports:
@@ -299,9 +299,9 @@ class _Walk:
                 raise
             except Exception as error:
                 verb = "is" if value is self._value else "holds"
-                what = f"{self._name} {verb} {type(value).__name__!r}, which has no content to"
+                problem = f"{self._name} {verb} {type(value).__name__!r}, which has no content to"
                 remedy = f"compare: pass only the data that the function needs, {REMEDY}"
-                raise ConfigurationError(f"{what} {remedy}") from error
+                raise ConfigurationError(f"{problem} {remedy}") from error
             self._open.pop()
             self._tokens[id(value)] = f"{type(value).__name__} {digest(repr(content))}"
         return self._tokens[id(value)]
@@ -338,8 +338,8 @@ class _Walk:
             if inner is None:
                 self._add_module(getattr(value, "__module__", None) or kind.__module__)
             return reduced, self.token(inner)
-        make, arguments, *rest = reduced
-        state, items, pairs = (*rest, None, None, None)[:3]
+        make, arguments, *extras = reduced
+        state, items, pairs = (*extras, None, None, None)[:3]
         if isinstance(state, dict):  # without cached properties, which derive from the rest
             kinds = {name: type(getattr(kind, str(name), None)) for name in state}
             state = {name: state[name] for name in state if kinds[name] is not cached_property}

@@ -362,8 +362,8 @@ def _parse_overrides(
         if override is None:
             raise _syntax_error(experiment, parser, arguments[number:])
         parsed: Any = override.value()
-        entries = parsed if isinstance(parsed, list) else [parsed]
-        swept = [entry for entry in entries if isinstance(entry, Sweep)]
+        parts = parsed if isinstance(parsed, list) else [parsed]
+        swept = [part for part in parts if isinstance(part, Sweep)]
         if swept and (isinstance(parsed, list) or not several):
             hints = []
             if isinstance(swept[0], RangeSweep):
@@ -584,24 +584,22 @@ def _zipped_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[Zi
         return ZippedAxis(name, keys, tuple(labels), tuple(labels.values()))
 
     groups: list[ZippedAxis] = []
-    single = list(union)
+    unzipped = list(union)
     for key in jobs[0].overrides:
-        following = [setting for setting in single if _is_decided_by(jobs, key, setting)]
-        if len(following) > 1:
-            single = [setting for setting in single if setting not in following]
-            job_points = [
-                tuple(job.choices.value(setting) for setting in following) for job in jobs
-            ]
+        decided = [setting for setting in unzipped if _is_decided_by(jobs, key, setting)]
+        if len(decided) > 1:
+            unzipped = [setting for setting in unzipped if setting not in decided]
+            job_points = [tuple(job.choices.value(setting) for setting in decided) for job in jobs]
             labels = {
                 point: job.overrides[key] for point, job in zip(job_points, jobs, strict=True)
             }
             name = re.split(r"[/.]", key.lstrip("+"))[-1]
             groups.append(
-                make_zipped_axis(name, following, dict(sorted(labels.items(), key=_label_sort_key)))
+                make_zipped_axis(name, decided, dict(sorted(labels.items(), key=_label_sort_key)))
             )
     products = (product(*(job.choices[setting] for setting in union)) for job in jobs)
     points = {point for crossed in products for point in crossed}
-    sizes = [len(union[setting]) for setting in single] + [len(group.points) for group in groups]
+    sizes = [len(union[setting]) for setting in unzipped] + [len(group.points) for group in groups]
     if math.prod(sizes) == len(points):
         return groups
     ordered = sorted(points, key=lambda point: [sort_key(value) for value in point])

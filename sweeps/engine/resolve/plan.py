@@ -96,11 +96,11 @@ def with_inputs(
     targets: Iterable[BoundStage], stages: Mapping[str, BoundStage]
 ) -> dict[str, BoundStage]:
     """Return some stages and all their inputs, direct or not, by name in order."""
-    needed = set(targets)
+    included = set(targets)
     for bound in reversed([*stages.values()]):  # each before its inputs
-        if bound in needed:
-            needed.update(bound.inputs)
-    return {name: bound for name, bound in stages.items() if bound in needed}
+        if bound in included:
+            included.update(bound.inputs)
+    return {name: bound for name, bound in stages.items() if bound in included}
 
 
 def modules_of(stages: Iterable[BoundStage]) -> list[str]:
@@ -138,31 +138,31 @@ class Plan:
 
     def unused_settings(self, keys: Iterable[str]) -> list[str]:
         """Return the keys that stages of the experiment read, but no stage of this plan."""
-        read, all_keys = (
+        used_keys, all_keys = (
             _setting_keys(self.bound.values()),
             _setting_keys(self._all_stages.values()),
         )
         recorder = Choices(self.choices.values, self.choices.zipped)
         for group in {bound.stage.group for bound in self._all_stages.values()}:
             group.when(recorder)
-        read |= recorder.read_keys
-        read |= {
+        used_keys |= recorder.read_keys
+        used_keys |= {
             setting.fallback.key
             for setting in self.experiment.declared
-            if setting.key in read and setting.fallback is not None
+            if setting.key in used_keys and setting.fallback is not None
         }
-        return sorted(key for key in keys if key in all_keys and key not in read)
+        return sorted(key for key in keys if key in all_keys and key not in used_keys)
 
     # axes -----------------------------------------------------------------------------------
 
     @property
     def axis_lengths(self) -> dict[str, int]:
         """Return the length of every swept axis that a stage depends on."""
-        read = {self.axis_number(key) for key in _setting_keys(self.bound.values())}
+        used_axes = {self.axis_number(key) for key in _setting_keys(self.bound.values())}
         return {
             "+".join(setting.key for setting in axis.settings): len(axis.points)
             for number, axis in enumerate(self.axes)
-            if axis.is_swept and number in read
+            if axis.is_swept and number in used_axes
         }
 
     @property
@@ -171,11 +171,11 @@ class Plan:
 
         Settings that the command line names come first; draws are left out.
         """
-        read = _setting_keys(self.bound.values())
+        used_keys = _setting_keys(self.bound.values())
         settings = [
             setting
             for setting in self.experiment.experiment_settings
-            if setting.key in read and self._is_varied(setting)
+            if setting.key in used_keys and self._is_varied(setting)
         ]
         return sorted(settings, key=lambda setting: setting.key not in self.choices.given)
 
@@ -263,10 +263,10 @@ class Plan:
             axis, position = self.axes[number], self.positions(bound, number, cell)
             if axis.unlabelled:
                 pairs = zip(axis.settings, axis.points[position], strict=True)
-                read = [
+                used_pairs = [
                     (setting.name, value) for setting, value in pairs if setting.key in bound.needs
                 ]
-                words += [f"{name}={format_value(value)}" for name, value in read]
+                words += [f"{name}={format_value(value)}" for name, value in used_pairs]
                 continue
             label = (
                 axis.labels[position]
@@ -329,7 +329,7 @@ class Plan:
         """
         number, position = self._axis_of[target.key]
         axis, (other_number, other_position) = self.axes[number], self._axis_of[replacement.key]
-        read = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
+        used_members = [k for k, member in enumerate(axis.settings) if member.key in source.needs]
         depends, cells = number in self._strides[bound], self.cells(bound)
         length = len(axis.points)
         pairs = self.positions(bound, other_number, cells) * length + self.positions(
@@ -341,10 +341,10 @@ class Plan:
             replacing, own_position = divmod(pair, length)
             value = self.axes[other_number].points[replacing][other_position]
             matching = [k for k, point in enumerate(axis.points) if point[position] == value]
-            candidates = {tuple(axis.points[k][r] for r in read) for k in matching}
+            candidates = {tuple(axis.points[k][r] for r in used_members) for k in matching}
             if depends and own_position in matching:
                 positions.append(own_position)
-            elif len(candidates) == 1 and not (depends and len(read) > 1):
+            elif len(candidates) == 1 and not (depends and len(used_members) > 1):
                 positions.append(matching[0])
             else:
                 raise ConfigurationError(

@@ -44,10 +44,10 @@ def guarded_stdout() -> Iterator[None]:
         _unwritten.append(error.strerror or str(error))
 
 
-def show(what: Any) -> None:
+def show(printable: Any) -> None:
     """Print a text or a table of rich to stdout; see `guarded_stdout`."""
     with guarded_stdout():
-        Console(highlight=False, markup=False, soft_wrap=True).print(what)
+        Console(highlight=False, markup=False, soft_wrap=True).print(printable)
 
 
 def flush_output() -> str:

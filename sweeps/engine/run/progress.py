@@ -89,8 +89,8 @@ class _ProgressView:
         if now >= self.due:
             self.write()
             self.due = time.monotonic() + SAVE_INTERVAL
-        rest = time_left(sum(work.values()), sum(done), now - self.begun)
-        remaining = f"about {rest} left" if rest else ""
+        time_text = time_left(sum(work.values()), sum(done), now - self.begun)
+        remaining = f"about {time_text} left" if time_text else ""
         started = [
             (name, progress)
             for name, progress in stages
@@ -132,8 +132,8 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
     def make_table(schedule: Schedule) -> Table:
         stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
         work, done = schedule.remaining_seconds(), sum(progress.seconds for _, progress in stages)
-        rest = time_left(sum(work.values()), done, time.monotonic() - begun)
-        return _make_bars(stages, f"about {rest} left" if rest else "")
+        time_text = time_left(sum(work.values()), done, time.monotonic() - begun)
+        return _make_bars(stages, f"about {time_text} left" if time_text else "")
 
     if console.is_jupyter:
         from IPython.display import display  # there, if this is a notebook

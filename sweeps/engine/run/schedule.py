@@ -255,19 +255,19 @@ class Schedule:
         plan, self._index = self.plan, index
         index.refresh()
         self.locations = replace(NO_LOCATIONS, paths=index.paths)
-        needed = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
+        needed_cells = {bound: np.zeros(plan.count(bound), bool) for bound in plan.bound.values()}
         for bound in plan.targets:
-            needed[bound][:] = True
+            needed_cells[bound][:] = True
             plan.fingerprint(bound)  # kept; the keys are dropped below
         missing: dict[BoundStage, Cells] = {}
         ranges: dict[str, list[range]] = defaultdict(list)  # results by code of their function
         for bound in reversed(plan.bound.values()):  # each before its inputs
-            cells = np.flatnonzero(needed[bound])
+            cells = np.flatnonzero(needed_cells[bound])
             if bound.stage.is_cached and cells.size:
                 cells = self._number_results(bound, cells, ranges[plan.identity[bound.name]])
                 missing[bound] = cells
             for inputs in plan.computed_inputs(bound):
-                needed[inputs.source][inputs.select(cells)] = True
+                needed_cells[inputs.source][inputs.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
         maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
@@ -312,13 +312,13 @@ class Schedule:
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
         self.plan.drop_keys(bound)  # `keys` refers to them
-        known = np.array([result for results in earlier for result in results], dtype=np.int32)
-        first, number = unique_keys(concatenate(self.locations.keys[known], keys))
-        reused, new = known[first[first < len(known)]], first[first >= len(known)] - len(known)
+        prior = np.array([result for results in earlier for result in results], dtype=np.int32)
+        first, number = unique_keys(concatenate(self.locations.keys[prior], keys))
+        reused, new = prior[first[first < len(prior)]], first[first >= len(prior)] - len(prior)
         begin = len(self.locations)
         numbers = concatenate(reused, np.arange(begin, begin + len(new), dtype=np.int32))
         results = np.full(self.plan.count(bound), -1, dtype=np.int32)
-        results[cells] = numbers[number[len(known) :]]
+        results[cells] = numbers[number[len(prior) :]]
         self.results[bound] = results
         earlier.append(range(begin, begin + len(new)))
         new_keys = keys[new] if len(new) < len(keys) else keys
@@ -368,8 +368,8 @@ class Schedule:
         failed_inputs = {source: self._failed_cells(source) for source, *_ in inputs}
         uncomputable = self._uncomputable_cells(bound, failed_inputs, cells)
         for cell in cells[uncomputable].tolist():
-            needed = self._name_failed_input(bound, failed_inputs, cell)
-            reason = f"needs {needed}, which failed"
+            failed_input = self._name_failed_input(bound, failed_inputs, cell)
+            reason = f"needs {failed_input}, which failed"
             self._fail(bound, int(self.results[bound][cell]), reason)
         cells = cells[~uncomputable]
         results = self.results[bound][cells]
@@ -523,8 +523,8 @@ class Schedule:
                 arguments[name] = ObjectArgument(batch, codes.astype(np.int32))
             else:
                 locations, present = self._locate_input(bound, source, firsts, grid)
-                read = bound.stage.reads.get(name)
-                in_blocks = isinstance(read, At) and read.in_blocks
+                reading = bound.stage.reads.get(name)
+                in_blocks = isinstance(reading, At) and reading.in_blocks
                 arguments[name] = StoredArgument(stage_spec(source.stage), locations, in_blocks)
                 if valid is not None:
                     valid &= present
@@ -601,13 +601,13 @@ class Schedule:
 
     def remaining_seconds(self) -> dict[str, float]:
         """Return the seconds that missing cells take, by stage; the median for untimed stages."""
-        needed = {name: progress for name, progress in self.progress.items() if progress.total}
-        timed = [name for name in needed if name in self.costs]
-        totals = {name: self.costs[name] * needed[name].total for name in timed}
+        stages = {name: progress for name, progress in self.progress.items() if progress.total}
+        timed = [name for name in stages if name in self.costs]
+        totals = {name: self.costs[name] * stages[name].total for name in timed}
         typical = median(totals.values()) if totals else 0.0
         return {
             name: totals.get(name, typical) * progress.remaining / progress.total
-            for name, progress in needed.items()
+            for name, progress in stages.items()
         }
 
 

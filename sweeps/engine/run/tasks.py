@@ -351,11 +351,11 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
     while len(objects) >= batch.stage.keep:
         objects.popitem(last=False)
     # Inputs are prefetched for the objects that follow in the same batch.
-    ahead = vars(_prefetched)
-    latest, due, inputs = ahead.get(batch.stage.import_path, (None, 0, None))
-    if latest is not batch or due != number:
+    prefetched = vars(_prefetched)
+    latest_batch, next_number, inputs = prefetched.get(batch.stage.import_path, (None, 0, None))
+    if latest_batch is not batch or next_number != number:
         inputs = _prefetch_inputs(batch, packs, number)
-    ahead[batch.stage.import_path] = batch, number + 1, inputs
+    prefetched[batch.stage.import_path] = batch, number + 1, inputs
     objects[key] = new_object = batch.stage.resolved_function(
         **_read_arguments(batch, number, next(inputs), packs)
     )
@@ -442,7 +442,7 @@ def _max_float(dtype: str) -> float:
 
 
 def check_result(
-    stage: str, outputs: Sequence[Output], found: Any, leading_shape: tuple[int, ...]
+    stage: str, outputs: Sequence[Output], result: Any, leading_shape: tuple[int, ...]
 ) -> Arrays:
     """Return the arrays of a result by output, of the declared dtypes.
 
@@ -456,22 +456,22 @@ def check_result(
     """
     first = outputs[0]
     if isinstance(first, UndeclaredOutput):
-        if first.is_number and _is_number(found):  # at once: many functions are quick
-            return {first.name: np.array(found, FLOAT)}
-        declared, meta = split_variables(first, found)
+        if first.is_number and _is_number(result):  # at once: many functions are quick
+            return {first.name: np.array(result, FLOAT)}
+        declared, meta = split_variables(first, result)
         arrays = {
             output.name: _check_output(stage, output, values, ()) for output, values in declared
         }
         return arrays | ({meta: np.empty(0, "u1")} if meta else {})
     names = [output.name for output in outputs]
-    if not isinstance(found, Mapping) and len(names) == 1:
-        found = {names[0]: found}
-    returned = list(found) if isinstance(found, Mapping) else [type(found).__name__]
+    if not isinstance(result, Mapping) and len(names) == 1:
+        result = {names[0]: result}
+    returned = list(result) if isinstance(result, Mapping) else [type(result).__name__]
     if set(returned) != set(names):
         problem = f"{stage} returned {', '.join(map(str, returned))}"
         raise TypeError(f"{problem}, but must return {', '.join(names)}")
     return {
-        output.name: _check_output(stage, output, found[output.name], leading_shape)
+        output.name: _check_output(stage, output, result[output.name], leading_shape)
         for output in outputs
     }
 

@@ -175,15 +175,15 @@ class ArrayGroup:
         extra = {"coordinates": " ".join(sorted(auxiliary))} if auxiliary else {}
         return encode_attrs(self.attrs) | extra
 
-    def fold_scalars(self, taken: Collection[str] = ()) -> ArrayGroup:
+    def fold_scalars(self, reserved: Collection[str] = ()) -> ArrayGroup:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
         The attribute `SCALARS` has the attributes of each one, for `tables.restore_scalars`. A
-        coordinate stays an array if its name is `taken`, or an attribute of another value.
+        coordinate stays an array if its name is `reserved`, or an attribute of another value.
         Coordinates that are attributes already come first.
         """
-        taken = {*taken, "coordinates", SCALARS}
-        names = sorted(self.arrays.keys() - taken, key=[*self.attrs, *self.arrays].index)
+        reserved = {*reserved, "coordinates", SCALARS}
+        names = sorted(self.arrays.keys() - reserved, key=[*self.attrs, *self.arrays].index)
         scalars = {
             name: array
             for name in names

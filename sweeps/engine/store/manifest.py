@@ -103,10 +103,10 @@ def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
     OSError where the path fails, and ConfigurationError without a manifest.
     """
     manifest, sizes = require_manifest(path), Objects(path).sizes()
-    inside, known = tuple(f"{group}/" for group in groups or ()), manifest.object_names
+    prefixes, known_names = tuple(f"{group}/" for group in groups or ()), manifest.object_names
     return sorted(
         name
         for name in {*manifest.files, *manifest.before, *sizes}
-        if groups is None or name.startswith(inside) or name.endswith(METADATA)
-        if name not in known or not manifest.allows(name, sizes.get(name))
+        if groups is None or name.startswith(prefixes) or name.endswith(METADATA)
+        if name not in known_names or not manifest.allows(name, sizes.get(name))
     )
