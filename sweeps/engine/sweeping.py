@@ -43,10 +43,7 @@ from sweeps.engine.store.writing import PARTIAL, read_attributes, recover, write
 
 MAX_ROUNDS = 20  # rounds of computing damaged results again, before blaming the disk
 LOCAL_KINDS = ("inline", "local")  # kinds of clusters whose workers write no chunks of the store
-TABLE_MODULES = (
-    "sweeps.engine.store.tables",
-    "dask.array",
-)  # imported early, since it takes long
+TABLE_MODULES = ("sweeps.engine.store.tables", "dask.array")  # imported while workers start
 EXECUTOR_MODULE = "sweeps.engine.run.dask_cluster"
 INLINE_SECONDS = 1.0  # s of work that finishes before worker processes would have started
 
@@ -329,7 +326,7 @@ def _write(
     with allow_interrupts():
         groups = cube.groups()
         if plan.experiment.tables and not options.partial:
-            from sweeps.engine.store.tables import add_tables  # imports xarray, which takes long
+            from sweeps.engine.store.tables import add_tables
 
             table_failures = add_tables(plan, groups)
     failed_tables = {failure.name: failure.reason for failure in table_failures}

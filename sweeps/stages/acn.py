@@ -21,7 +21,7 @@ from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, polar
 from ncti.evaluate import category_formation
 from sweeps.engine.declare.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, VIEW, Indices, Integers, Mask, read_in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared

@@ -36,7 +36,7 @@ from sweeps.engine.declare.stage import (
     in_memory,
     plain,
 )
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import scores, views
 from sweeps.stages.infrared import OF_VIEWS
 from sweeps.stages.ladar import FULL, PROFILE, Ladar

@@ -50,7 +50,7 @@ from sweeps.engine.declare.stage import (
     plain,
     stage,
 )
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import meshes, views
 from sweeps.stages.arguments import restore
 from sweeps.stages.refusals import refuse

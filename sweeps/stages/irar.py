@@ -33,7 +33,7 @@ from sweeps.engine.declare.settings import (
     word,
 )
 from sweeps.engine.declare.stage import Group
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.ships import ships
 from sweeps.stages.views import IRAR, MAX_FRAMES, SI, STATUS, Grid, Render, quantity, uses_sensor

@@ -25,7 +25,7 @@ from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import meshes, views
 from sweeps.stages.arguments import restore
 from sweeps.stages.refusals import refuse

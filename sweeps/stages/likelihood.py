@@ -19,7 +19,7 @@ from ncti.ladar.places import TEMPLATE_PLACES, Place
 from ncti.ships import names
 from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number, switch
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plain, stage
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
     GATHERED,

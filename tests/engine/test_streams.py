@@ -7,10 +7,10 @@ from toys import SPRINGS, Measured, Spring, having, noisy
 
 from sweeps.engine.declare.settings import Settings, number, read_choices
 from sweeps.engine.declare.stage import Experiment, Group, Output, Stream, stage
-from sweeps.engine.resolve.keys import cell_rng
 from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.resolve.streams import cell_rng
 
-RAISE = "streams draw other numbers: raise STREAM_VERSION of resolve.keys, and pin these"
+RAISE = "streams draw other numbers: raise STREAM_VERSION of resolve.streams, and pin these"
 
 NAMED = {
     "a stage and numbers": (0, {"stage": "noisy", "stiffness": 4.0, "mass": 2.0, "draw": 1}),

@@ -8,7 +8,7 @@ from small_stores import files, opened
 from toys import CALLS, Few, go, run_few, timed
 
 from sweeps.engine.declare.stage import Group, Output, stage
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.writing import read_attributes

@@ -8,7 +8,7 @@ from commands import chosen, opened, swept
 
 from ncti import simulate
 from ncti.ladar import noise_floor
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.irar import FLOWN, RECORDED, Irar, Passive
 from sweeps.stages.ladar import Ladar

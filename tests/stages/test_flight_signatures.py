@@ -9,7 +9,7 @@ from flight_sweeps import at, flown
 import ncti.ships
 from ncti.ladar import cumulative_average, expected_profile, range_extent, sample_frames
 from ncti.render import range_image
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 
 
 def test_synthetic_signatures_are_those_of_the_range_channel(folder):

@@ -13,7 +13,7 @@ from ncti import irar
 from ncti.irar.chain import places
 from ncti.ladar import carrier_to_noise, expected_profile, range_extent
 from ncti.render import range_image
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 
 IMAGES = ("intensity", "range_image", "infrared_image")
 

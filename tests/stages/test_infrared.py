@@ -11,8 +11,8 @@ from ncti.infrared import LargestWindow, contrast, shifted_images, thermal_image
 from ncti.infrared.hits import MARGIN
 from ncti.render import line_image
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.resolve.keys import cell_rng
 from sweeps.engine.resolve.plan import Plan
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages.infrared import thermal_image
 

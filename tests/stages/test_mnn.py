@@ -8,7 +8,7 @@ from range_channel import ASPECTS, BINS, FRAMES, GROUP, SHIPS, directions, learn
 
 from ncti.classify import GainAnnealedNetwork
 from ncti.classify.blocks import row_blocks
-from sweeps.engine.resolve.keys import cell_rng
+from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import mnn
 
 DEFAULTS = {

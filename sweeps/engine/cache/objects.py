@@ -119,7 +119,7 @@ def world_readable() -> Iterator[None]:
 class Objects:
     """Objects of a folder or bucket, by name; pickled as its path, cached in each process.
 
-    Every method raises OSError if the path fails; an object is absent only if it is not there.
+    A missing object is not an error; an inaccessible path raises OSError.
     """
 
     path: PathOrUrl

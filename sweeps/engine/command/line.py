@@ -315,7 +315,7 @@ class Command:
         return messages
 
     def _print_report(self, store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
-        from sweeps.engine.store.tables import format_tables  # imports xarray, which takes long
+        from sweeps.engine.store.tables import format_tables
 
         # Modules with `answer`, by the commands that print more.
         reports = entry_points(group="sweeps.reports") if self.experiment.tables else ()
@@ -351,7 +351,7 @@ class Command:
 
 def _prune_limit(words: Sequence[str]) -> float | None:
     """Return the limit [byte] of `--cache clear` or `--cache prune=`; None if neither is given."""
-    from dask.utils import parse_bytes  # takes long
+    from dask.utils import parse_bytes
 
     if "clear" in words:
         return 0.0

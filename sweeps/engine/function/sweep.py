@@ -145,7 +145,7 @@ def sweep(
     target = path_or_url("store", store)
     packs = path_or_url("cache", cache) if cache else user_cache_path("sweeps")
     options = RunOptions(target, packs, ClusterChoice(cluster))
-    import xarray as xr  # slow to import
+    import xarray as xr
 
     check_targets([target], packs)
     if dry_run:

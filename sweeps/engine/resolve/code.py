@@ -326,7 +326,7 @@ class _Walk:
             names = {field.name for field in fields(value)} - DISPLAY_FIELDS
             return self.token(kind), self.token({name: getattr(value, name) for name in names})
         if hasattr(kind, "__dask_tokenize__"):
-            from dask.base import tokenize  # takes long
+            from dask.base import tokenize
 
             return tokenize(value, ensure_deterministic=True)
         if hasattr(value, "__wrapped__") and hasattr(value, "targetoptions"):  # numba's

@@ -1,13 +1,8 @@
-"""Keys of results, and random streams.
-
-Keys are 128-bit hashes, of many cells at once, as arrays of two numbers each. Streams are keyed by
-the cell, never by the worker or the order.
-"""
+"""Keys of results: 128-bit hashes, of many cells at once, as arrays of two numbers each."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Iterable
 from typing import Any
 
@@ -17,9 +12,6 @@ from numpy.typing import NDArray
 Keys = NDArray[np.uint64]  # (..., 2)
 
 HASH_BYTES = 16
-# Part of all keys, since a stage without `rng` may call `cell_rng`. Raise it with any change of
-# `cell_rng` or of `Plan.stream`.
-STREAM_VERSION = 1
 
 
 def hash_bytes(data: str | bytes | memoryview, size: int = HASH_BYTES) -> bytes:
@@ -106,15 +98,3 @@ def concatenate(*arrays: NDArray[Any]) -> NDArray[Any]:
 def key_text(key: Keys) -> str:
     """Return a key as text: 32 hexadecimal digits."""
     return "".join(f"{half:016x}" for half in key.tolist())
-
-
-def cell_rng(seed: int, **cell: Any) -> np.random.Generator:
-    """Return the generator of one cell's noise, independent of every other cell's.
-
-    `cell` names it by text, numbers, flags, times or None (values, not positions in a grid),
-    so that a cell draws the same noise in any grid. The sweep's `seed` is at least 0.
-    """
-    name = json.dumps(cell, sort_keys=True, default=str).encode()
-    words = np.frombuffer(hashlib.sha256(name).digest(), dtype="<u4")
-    sequence = np.random.SeedSequence(seed, spawn_key=words.tolist())
-    return np.random.Generator(np.random.PCG64(sequence))

@@ -22,8 +22,9 @@ from sweeps.engine.declare.kinds import Draws, Value, format_value
 from sweeps.engine.declare.settings import Choices, Run, Setting
 from sweeps.engine.declare.stage import BoundStage, Experiment, bind, value_token
 from sweeps.engine.resolve.code import Code, CodeDigest, module_and_name
-from sweeps.engine.resolve.keys import STREAM_VERSION, Keys, digest, fold, hash_texts, key_text
+from sweeps.engine.resolve.keys import Keys, digest, fold, hash_texts, key_text
 from sweeps.engine.resolve.modules import save_parsed_modules
+from sweeps.engine.resolve.streams import STREAM_VERSION
 
 Indices = NDArray[np.signedinteger[Any]]
 Cells = Indices  # numbers of cells of a stage
@@ -399,7 +400,7 @@ class Plan:
         return _values_by_position(codes, size, cells, partial(self.argument_value, bound, source))
 
     def stream(self, bound: BoundStage, cell: int) -> tuple[int, dict[str, Any]]:
-        """Return the seed and the names of a cell's noise stream; see `resolve.keys`."""
+        """Return the seed and the names of a cell's noise stream; see `resolve.streams`."""
         name: dict[str, Any] = {"stage": self._stream_name(bound)}
         for label, setting, optional in self._stream_settings(bound):
             value = self.value(bound, setting.key, cell)

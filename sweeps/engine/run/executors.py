@@ -72,7 +72,7 @@ def open_executor(
         with ExitStack() as stack:
             if choice.kind == "local":  # it imports while this process imports dask
                 settings["method"] = start_fork_server(preloaded_modules(modules))
-            from sweeps.engine.run import dask_cluster  # which imports dask
+            from sweeps.engine.run import dask_cluster
 
             shared = Requirements()
             if choice.kind != "local":

@@ -1,4 +1,4 @@
-"""Work of the interpreter that a command can spare: garbage collection and finalization."""
+"""Garbage-collector threshold, and process exit without finalization."""
 
 from __future__ import annotations
 

@@ -1,10 +1,7 @@
 """Signals that ask this process to stop.
 
-No signal is lost, and none interrupts a cleanup: an exception raised at any moment could be
-swallowed by a library, or cut the stopping of workers short. So the handler only notes the signal.
-`Stopped` is raised where the program asks (`raise_if_stopped`), or at any moment of long work that
-needs no cleanup (`allow_interrupts`). This module imports little, because the command imports it
-first.
+The handler only records the signal. `raise_if_stopped` and `allow_interrupts` raise `Stopped` at
+safe points. The module imports little because it is imported first.
 """
 
 from __future__ import annotations

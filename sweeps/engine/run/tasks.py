@@ -35,7 +35,8 @@ from sweeps.engine.declare.failures import (
 from sweeps.engine.declare.stage import FIRST_PREFIX, RNG, VALID, Output, Stage
 from sweeps.engine.declare.undeclared import FLOAT, UndeclaredOutput, split_variables
 from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
-from sweeps.engine.resolve.keys import Keys, cell_rng
+from sweeps.engine.resolve.keys import Keys
+from sweeps.engine.resolve.streams import cell_rng
 
 AHEAD_BYTES = 2**25  # of inputs that are prefetched at once
 AHEAD_CALLS = 512
@@ -341,8 +342,8 @@ def _read_arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -
 
 def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
     """Return an in-memory object, after making a missing one and evicting its stage's oldest."""
-    # Keyed by the function's name, so that stages of one function share their results: a function
-    # that comes with each task, from a script or a session, is another object each time.
+    # Keyed by the function's name, so that stages of one function share their results.
+    # Functions of scripts and notebooks are unpickled anew for every task.
     objects = vars(_objects).setdefault(batch.stage.import_path, OrderedDict())
     key = batch.keys[number].tobytes()
     if key in objects:

@@ -182,7 +182,7 @@ def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
 
 def zarr_store(path: PathOrUrl) -> Any:
     """Return the store of a path that zarr and xarray open, read-only."""
-    from zarr.storage import LocalStore, ObjectStore  # takes long
+    from zarr.storage import LocalStore, ObjectStore
 
     if isinstance(path, Path):  # a thread of obstore that answers while Python ends aborts it
         return LocalStore(path, read_only=True)
