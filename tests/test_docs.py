@@ -198,7 +198,7 @@ def test_names_on_the_page_exist(page):
 
 
 GROUPS = {one.key.partition(".")[0] for one in EXPERIMENT.declared if "." in one.key}
-KEYS = {one.key for setting in EXPERIMENT.declared for one in (setting, *setting.entries)}
+KEYS = {one.key for setting in EXPERIMENT.declared for one in (setting, *setting.kind.entries)}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

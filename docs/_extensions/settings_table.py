@@ -28,7 +28,7 @@ def table() -> str:
     write = csv.writer(text, lineterminator="\n").writerow
     write(("key", "default", "allowed", "axis", "meaning"))
     for entry in (
-        entry for setting in EXPERIMENT.declared for entry in (setting, *setting.entries)
+        entry for setting in EXPERIMENT.declared for entry in (setting, *setting.kind.entries)
     ):
         allowed = entry.kind.allowed
         for words, less in SHORTER:

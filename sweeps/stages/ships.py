@@ -86,11 +86,6 @@ class ShipName(str):
         """Return the arguments that make an equal label when unpickled."""
         return str(self), self.source, self.transform
 
-    @property
-    def origin(self) -> tuple[str, Transform]:
-        """Source and transform, which distinguish values of the same label."""
-        return self.source, self.transform
-
 
 @dataclass(frozen=True)
 class Ships(Text):
@@ -124,6 +119,10 @@ class Ships(Text):
                 )
             ships.add(ship)
         return tuple(sorted(ships))
+
+    def origin(self, value: ShipName) -> tuple[str, Transform]:
+        """Return source and transform, which distinguish ships of the same label."""
+        return value.source, value.transform
 
     def _is_ship(self, value: Any) -> bool:
         if isinstance(value, str):

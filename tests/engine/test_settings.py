@@ -10,7 +10,6 @@ from toys import SPRINGS
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
 from sweeps.engine.declare.settings import Settings, count, number, read_choices, set_of, text, word
-from sweeps.engine.store.provenance import as_input
 
 finite = st.floats(-1e12, 1e12)
 whole = st.integers(-(10**18), 10**18)
@@ -148,5 +147,5 @@ def test_what_a_store_has_is_read_back_as_it_was(data):
         "seed": data.draw(st.integers(0, 2**63)),
     }
     choices = read_choices(SPRINGS.declared, values)
-    again = {setting.key: as_input(setting, choices[setting]) for setting in SPRINGS.declared}
+    again = {setting.key: setting.kind.as_input(choices[setting]) for setting in SPRINGS.declared}
     assert read_choices(SPRINGS.declared, again).values == choices.values

@@ -10,7 +10,6 @@ from pages import stored
 
 from ncti.article import article_figures
 from sweeps.engine.declare.settings import nested
-from sweeps.engine.store.provenance import as_input
 from sweeps.experiment import EXPERIMENT
 from sweeps.report.frames import read_frames
 
@@ -108,6 +107,6 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
 def test_the_article_stands_beside_its_own_experiments(name, tmp_path):
     choices = chosen(f"+experiment={name}")
     settings = (setting for setting in EXPERIMENT.declared if setting.key in choices.values)
-    configuration = {setting.key: as_input(setting, choices[setting]) for setting in settings}
+    configuration = {setting.key: setting.kind.as_input(choices[setting]) for setting in settings}
     rows = found(tmp_path, SOURCE | {"configuration": nested(configuration)})
     assert rows.article_percent_correct.notna().any()

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.stage import bind
-from sweeps.engine.store.provenance import as_input
 from sweeps.experiment import EXPERIMENT
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -31,7 +30,7 @@ def test_the_default_is_allowed_and_written_as_it_is_read(setting):
         return
     values = setting.values(setting.default)
     assert values
-    assert setting.values(as_input(setting, values)) == values
+    assert setting.values(setting.kind.as_input(values)) == values
 
 
 # Values of kinds that are declared here, and a word of the refusal besides the key.
@@ -78,7 +77,7 @@ def test_anything_is_values_or_a_sentence(setting, value):
         assert "\n" not in str(error)
     else:
         assert len(set(values)) == len(values) >= 1
-        assert setting.values(as_input(setting, values)) == values
+        assert setting.values(setting.kind.as_input(values)) == values
 
 
 def test_every_setting_is_read_by_a_stage_or_says_where_to_run():

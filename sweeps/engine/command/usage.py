@@ -131,7 +131,7 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
     """
     lines: list[str] = []
     for setting in (
-        entry for declared in experiment.declared for entry in (declared, *declared.entries)
+        entry for declared in experiment.declared for entry in (declared, *declared.kind.entries)
     ):
         text = f"{setting.key} {setting.label} {setting.help}".lower()
         if all(word.lower() in text for word in words):

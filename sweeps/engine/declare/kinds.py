@@ -9,16 +9,29 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from sweeps.engine.declare.settings import Setting
 
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
 DECIMAL = r"[-+.\deE]+"  # pattern of a number
 STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than 1/this of its size lands on it
-Value = Any  # a float, int, str, bool, None, or a tuple of them
+Value = Any  # a float, int, str, bool, None, `Identified`, or a tuple of them
+
+
+@runtime_checkable
+class Identified(Protocol):
+    """A value whose identity counts in keys, instead of its representation."""
+
+    @property
+    def identity(self) -> object:
+        """Text or number that differs between values that give different results."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +69,33 @@ class Kind:
         return sorted_values(
             key, [None if value is None else self._read_value(value) for value in listed]
         )
+
+    def as_input(self, values: tuple[Value, ...]) -> Any:
+        """Return some values as a user would write them."""
+        return values[0] if len(values) == 1 else list(values)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Keys of the mapping in which a user writes values, if they are written so."""
+        return ()
+
+    @property
+    def entries(self) -> tuple[Setting, ...]:
+        """Settings of a mapping that may be one of the values, for `read_entries`."""
+        return ()
+
+    def coordinates(
+        self, values: tuple[Value, ...]
+    ) -> Mapping[str, tuple[NDArray[Any], Mapping[str, Any]]] | None:
+        """Return coordinates and attributes of some values, the main one first; None: the values.
+
+        The main one takes the name of the axis.
+        """
+        return None
+
+    def origin(self, value: Value) -> Any:
+        """Return what distinguishes values that are equal, such as files of one name."""
+        return None
 
     def _as_list(self, key: str, value: Any) -> list[Any]:
         several = isinstance(value, Sequence) and not isinstance(value, str)
@@ -152,6 +192,10 @@ class Draws(Kind):
             raise ValueError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
         return tuple(range(given))
 
+    def as_input(self, values: tuple[Value, ...]) -> int:
+        """See `Kind.as_input`."""
+        return len(values)
+
 
 @dataclass(frozen=True)
 class Word(Kind):
@@ -216,7 +260,7 @@ class Date(Kind):
         return datetime.fromisoformat(value) if isinstance(value, str) else value
 
     def as_input(self, values: tuple[Value, ...]) -> list[str]:
-        """Return the user's input that reads as some values."""
+        """See `Kind.as_input`."""
         return [str(value) if self.unit else value.isoformat() for value in values]
 
 
@@ -266,6 +310,10 @@ class SetOf(Kind):
             words = ", ".join(spellings)
             raise ValueError(f"{key} is {given!r}, but must be {self.kind.allowed}, {words}")
         return (self.kind.values(key, given),)
+
+    def as_input(self, values: tuple[Value, ...]) -> list[Value] | None:
+        """See `Kind.as_input`."""
+        return None if values[0] is None else list(values[0])
 
 
 @dataclass(frozen=True)

@@ -116,11 +116,6 @@ class Setting:
         """Return the override that gives it some values."""
         return f"{self.key}=[{','.join(map(format_value, values))}]"
 
-    @property
-    def entries(self) -> tuple[Setting, ...]:
-        """Keys of a mapping that may be one of its values, for `read_entries`."""
-        return getattr(self.kind, "entries", ())
-
     def values(self, given: Any) -> tuple[Value, ...]:
         """Return values of a user's input, in ascending order; raise `ConfigurationError`."""
         try:

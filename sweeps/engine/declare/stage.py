@@ -26,7 +26,7 @@ import numpy as np
 
 from sweeps.engine.declare.display import Display
 from sweeps.engine.declare.errors import DeclarationError, locate
-from sweeps.engine.declare.kinds import Value
+from sweeps.engine.declare.kinds import Identified, Value
 from sweeps.engine.declare.settings import (
     COORDINATE,
     DIMENSION,
@@ -279,7 +279,7 @@ class Stage:
         for element in value if isinstance(value, tuple) else (value,):
             if isinstance(element, tuple):
                 self.check_value(element)
-            elif type(element).__repr__ is object.__repr__ and not hasattr(element, "identity"):
+            elif type(element).__repr__ is object.__repr__ and not isinstance(element, Identified):
                 raise DeclarationError(
                     f"stage {self.name} returned {type(element).__name__!r}, but a plain stage "
                     "must return a number, text, null, a tuple of them, or a value with an identity"
@@ -511,8 +511,7 @@ def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundSt
 
 def value_token(value: Value) -> str:
     """Return the text of a value in a key; distinct values have distinct texts."""
-    identity = getattr(value, "identity", None)
-    return repr(value) if identity is None else f"={identity!r}"
+    return f"={value.identity!r}" if isinstance(value, Identified) else repr(value)
 
 
 # checks of declarations ---------------------------------------------------------------------------

@@ -91,16 +91,16 @@ def register(experiment: Experiment) -> None:
 def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the defaults of a group; values have any type, since settings check their values."""
     return {
-        key: _schema(inner) if (inner := members(entry)) else getattr(entry, "default_input", None)
+        key: _schema(inner) if (inner := members(entry)) else entry and entry.default_input
         for key, entry in tree.items()
     }
 
 
-def members(entry: Any) -> Mapping[str, Any]:
-    """Return members of a group, or of a setting whose value is a mapping with certain keys."""
-    if isinstance(entry, Mapping):
-        return entry
-    return dict.fromkeys(getattr(getattr(entry, "kind", None), "fields", ()))
+def members(entry: Mapping[str, Any] | Setting | None) -> Mapping[str, Any]:
+    """Return members of a group, or of a setting whose values are written as a mapping."""
+    if isinstance(entry, Setting):
+        return dict.fromkeys(entry.kind.fields)
+    return entry or {}
 
 
 @contextmanager
@@ -565,7 +565,7 @@ def _fuse_group(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
 
 def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
     """Refuse equal names of values that differ in origin."""
-    origins = {(value, getattr(value, "origin", None)) for value in values}
+    origins = {(value, setting.kind.origin(value)) for value in values}
     counts = Counter(value for value, _ in origins)
     if repeated := [value for value, count in counts.items() if count > 1]:
         raise ConfigurationError(

@@ -472,16 +472,16 @@ def setting_coordinates(
     setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
 ) -> dict[str, Array]:
     """Return coordinates of a setting's values as its kind defines them, the main one first."""
-    offered = getattr(setting.kind, "coordinates", None)
+    offered = setting.kind.coordinates(tuple(values))
     if offered is None:
-        coordinates = {name: (value_array(values), setting.attrs)}
+        offered = {name: (value_array(values), setting.attrs)}
     else:
-        (_, main), *extra = offered(tuple(values)).items()
-        coordinates = {**({} if scalar else {name: main}), **dict(extra)}
+        (_, main), *extra = offered.items()
+        offered = {**({} if scalar else {name: main}), **dict(extra)}
     dims: tuple[str, ...] = () if scalar else (name,)
     return {
         label: Array.from_values(dims, array[0] if scalar else array, attrs, coordinate=True)
-        for label, (array, attrs) in coordinates.items()
+        for label, (array, attrs) in offered.items()
     }
 
 

@@ -11,12 +11,9 @@ from typing import Any
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import (
     Count,
-    Draws,
     Number,
-    SetOf,
     Switch,
     Text,
-    Value,
     Word,
     format_value,
 )
@@ -30,17 +27,6 @@ SHARED_ATTRIBUTES = ("version", "seed")  # attributes that every group of a stor
 ENGINE_LIBRARIES = ("dask", "numpy", "xarray", "zarr")
 
 
-def as_input(setting: Setting, values: tuple[Value, ...]) -> Any:
-    """Return values of a setting as a user would write them."""
-    if hasattr(setting.kind, "as_input"):
-        return setting.kind.as_input(values)
-    if isinstance(setting.kind, Draws):
-        return len(values)
-    if isinstance(setting.kind, SetOf):
-        return None if values[0] is None else list(values[0])
-    return values[0] if len(values) == 1 else list(values)
-
-
 def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Return root attributes: everything that results depend on, and nothing else.
 
@@ -52,10 +38,10 @@ def provenance(plan: Plan, failures: Mapping[str, str] | None = None) -> dict[st
         "title": experiment.title,
         "Conventions": "CF-1.11",
         "configuration": nested(
-            {s.key: as_input(s, choices[s]) for s in _result_settings(experiment)}
+            {s.key: s.kind.as_input(choices[s]) for s in _result_settings(experiment)}
         ),
         "version": " ".join([experiment.name, *_installed_version(experiment.name)]),
-        "seed": as_input(Run.seed, choices[Run.seed]),
+        "seed": Run.seed.kind.as_input(choices[Run.seed]),
         "versions": versions(plan),
         "code": dict(sorted(plan.code.items())),
         "parts": {key: part for parts in _code_parts(plan).values() for key, part in parts.items()},
