@@ -8,7 +8,16 @@ from toys import SPRINGS, Few, Measured, Spring, period, solver
 
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.settings import Settings, count, number
-from sweeps.engine.declare.stage import Experiment, Group, Output, Status, Stream, Table, stage
+from sweeps.engine.declare.stage import (
+    Experiment,
+    Group,
+    Output,
+    Status,
+    Stream,
+    Table,
+    in_memory,
+    stage,
+)
 
 
 class Named(Settings, key="named"):
@@ -78,6 +87,7 @@ MISTAKES = [
         [few_stage(group="status")],
     ),
     ("two settings have the name few.size", (Few, Again), [GOOD]),
+    ("keep=0, but must keep at least 1", FEW, [in_memory(keep=0, uses=FEW)(lambda size: size)]),
     ("two settings have the name seed", (Seed,), []),
     (
         "stage two: argument 'period' is both the setting named.period and a stage",

@@ -13,10 +13,10 @@ result, and so its cells, key, dimensions and progress line, follow from these n
 from __future__ import annotations
 
 import inspect
-import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from functools import cached_property, partial
 from itertools import chain
 from pathlib import Path
@@ -46,7 +46,6 @@ Condition = Callable[[Choices], bool]
 Say = Callable[[str], None]
 
 RNG, VALID = "rng", "valid"  # arguments that are neither settings nor stages
-UNLIMITED = math.inf
 STATUS = "status"  # group of the states of cells
 FIRST_PREFIX = "first_"  # before the name of a dimension: the output at which arrays begin on it
 
@@ -173,6 +172,16 @@ class Stream:
     optional: tuple[Setting, ...] = ()  # do not count where their value is 0 or false
 
 
+class Mode(Enum):
+    """When a stage is called, and where its results are kept."""
+
+    CACHED = "cached"  # arrays, on disk
+    IN_MEMORY = "in memory"  # any objects, of which each worker keeps the last few
+    # Called while planning: a quick function of settings, whose result, a number, text or tuple of
+    # them, counts as a value, whatever its inputs.
+    PLAIN = "plain"
+
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """A function with its inputs and outputs; declared by `stage`, `plain` or `in_memory`.
@@ -193,10 +202,8 @@ class Stage:
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
     group: Group = NOWHERE  # of the store; by default its results only serve other stages
-    # UNLIMITED: results are arrays, cached on disk. n > 0: the last n results, any objects, stay in
-    # memory. 0: a plain stage, called while planning: a quick function of settings, whose result, a
-    # number, text or tuple of them, counts as a value, whatever its inputs.
-    keep: float = UNLIMITED
+    mode: Mode = Mode.CACHED
+    keep: int = 0  # results of a stage in memory that a worker keeps
     version: str = ""  # counts in keys instead of the function's code, if it is given
 
     def __post_init__(self) -> None:
@@ -267,12 +274,12 @@ class Stage:
     @property
     def is_cached(self) -> bool:
         """Whether results are cached on disk."""
-        return self.keep == UNLIMITED
+        return self.mode is Mode.CACHED
 
     @property
     def is_plain(self) -> bool:
         """Whether it is called while planning."""
-        return self.keep == 0
+        return self.mode is Mode.PLAIN
 
     def check_value(self, value: Value) -> Value:
         """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
@@ -301,12 +308,12 @@ def stage(*outputs: Output, name: str = "", **how: Any) -> Declare:
 
 def plain(**how: Any) -> Declare:
     """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
-    return stage(keep=0, **how)
+    return stage(mode=Mode.PLAIN, **how)
 
 
 def in_memory(*, keep: int = 2, **how: Any) -> Declare:
     """Declare a function whose last `keep` results stay in memory only; see `Stage`."""
-    return stage(keep=keep, **how)
+    return stage(mode=Mode.IN_MEMORY, keep=keep, **how)
 
 
 @dataclass(frozen=True)
@@ -604,6 +611,8 @@ def _find_stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     yield from _find_unknown(f"{subject}: setting", [setting.key for setting in settings], keys)
     if stage.stream is not None and RNG not in stage.arguments:
         yield f"{subject} has a stream, but its function does not take {RNG}"
+    if stage.mode is Mode.IN_MEMORY and stage.keep < 1:
+        yield f"{subject} has keep={stage.keep}, but must keep at least 1 result"
     if VALID in stage.arguments and not stage.gather:
         yield f"{subject} takes {VALID}, but gathers nothing"
 

@@ -52,7 +52,7 @@ class StageSpec:
     function: Callable[..., Any] | None  # itself, if workers cannot import it
     outputs: tuple[Output, ...]
     fixed_shape: tuple[str, ...]  # names of outputs of one shape in all cells
-    keep: float  # number of results in memory, of a stage not kept on disk
+    keep: int  # number of results in memory, of a stage that is not cached
 
     @property
     def resolved_function(self) -> Callable[..., Any]:
