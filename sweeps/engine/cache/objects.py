@@ -138,11 +138,8 @@ class Objects:
 
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""
-        try:
-            with translated_errors(self.path):
-                return bytes(self.store.get(name).bytes())
-        except FileNotFoundError:
-            return None
+        stored = self.get_versioned(name)
+        return stored and stored[0]
 
     def put(self, name: str, content: bytes | Iterator[bytes]) -> None:
         """Write an object atomically."""
@@ -162,7 +159,7 @@ class Objects:
         return memoryview(content)
 
     def get_versioned(self, name: str) -> tuple[bytes, Version] | None:
-        """Return an object of a bucket, and its version; None if it is absent."""
+        """Return an object and its version; None if it is absent."""
         try:
             with translated_errors(self.path):
                 result = self.store.get(name)

@@ -139,9 +139,9 @@ class Group:
         """Declare a function as a stage of the group; see `Stage`."""
         return stage(*outputs, **{"group": self, "uses": self.uses, **how})
 
-    def table(self, name: str, make: Callable[..., xr.Dataset | None], *shown: Display) -> Table:
+    def table(self, name: str, make: Callable[..., xr.Dataset | None], *displays: Display) -> Table:
         """Return a table of the group; see `Table`."""
-        return Table(f"tables/{name}", (self.path,), make, self.when, shown)
+        return Table(f"tables/{name}", (self.path,), make, self.when, displays)
 
 
 NOWHERE = Group("")
@@ -449,8 +449,12 @@ def bind(experiment: Experiment, zipped: Sequence[ZippedAxis] = ()) -> dict[str,
         )
         if setting is not None:
             # A function may refine the setting of its name.
-            own_names = {declared.name, getattr(declared.function, "__name__", ""), *declared.reads}
-            if name in experiment.by_name.keys() - own_names:
+            names_of_stage = {
+                declared.name,
+                getattr(declared.function, "__name__", ""),
+                *declared.reads,
+            }
+            if name in experiment.by_name.keys() - names_of_stage:
                 raise DeclarationError(
                     f"{subject} both the setting {setting.key} and a stage; rename one of them, or "
                     "say which by reads"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -274,38 +274,40 @@ def _declare_result(
     """Return the undeclared output of a function."""
     names = _as_names("outputs", outputs)
     if isinstance(dims, Mapping):
+        shared_dims: tuple[str, ...] = ()
         dims_of = {
             variable: _as_names(f"dims[{variable!r}]", value) for variable, value in dims.items()
         }
-        shared_dims: tuple[str, ...] = ()
     else:
         shared_dims = _as_names("dims", dims)
-        dims_of = {
-            variable: shared_dims
-            for variable in (names or (name,))[:1]
-            if shared_dims and len(names) < 2
-        }
-    for key, listed in (
-        ("outputs", names),
-        *(("dims", dim_names) for dim_names in (shared_dims, *dims_of.values())),
-    ):
-        for entry in listed:
-            result_names = (
-                (*names, *dims_of, *([] if names or dims_of else [name])) if key == "dims" else ()
-            )
-            if listed.count(entry) > 1 or entry in result_names or entry in reserved:
-                owner = "an argument" if entry in reserved else "a result"
-                owner = "two of them" if listed.count(entry) > 1 else owner
-                raise ConfigurationError(f"{key} has {entry!r}, the name of {owner}; rename one")
-    options: dict[str, Any] = {
-        "names": names,
-        "dims_of": dims_of,
-        "reserved": reserved,
-        "extra_attributes": attrs,
-    }
+        is_single = shared_dims and len(names) < 2
+        dims_of = {(names or (name,))[0]: shared_dims} if is_single else {}
+    results = {*names, *dims_of} or {name}
+    _check_names("outputs", names, (), reserved)
+    for dim_names in (shared_dims, *dims_of.values()):
+        _check_names("dims", dim_names, results, reserved)
     return UndeclaredOutput(
-        name, shared_dims, dtype or FLOAT, label=name, infer_dtype=not dtype, **options
+        name,
+        shared_dims,
+        dtype or FLOAT,
+        label=name,
+        infer_dtype=not dtype,
+        names=names,
+        dims_of=dims_of,
+        reserved=reserved,
+        extra_attributes=attrs,
     )
+
+
+def _check_names(
+    key: str, names: Sequence[str], results: Collection[str], arguments: Collection[str]
+) -> None:
+    """Refuse names that are repeated, or are those of results or arguments."""
+    for name in names:
+        if names.count(name) > 1 or name in results or name in arguments:
+            owner = "an argument" if name in arguments else "a result"
+            owner = "two of them" if names.count(name) > 1 else owner
+            raise ConfigurationError(f"{key} has {name!r}, the name of {owner}; rename one")
 
 
 def _as_names(key: str, value: Any) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import copyreg
 import dis
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache, cached_property, partial
@@ -207,20 +207,23 @@ class _Walk:
             self._add_module(absolute_name(owner, space.get("__package__") or module), name)
         if DYNAMIC_NAMES & scan.names:
             self._add_file(label, space)
-        for path, *attributes in sorted({*scan.chains}):
-            if path in space:
-                value = space[path]
-                while attributes and isinstance(value, ModuleType):
-                    if value.__name__ not in self._homes:
-                        break
-                    path, value = f"{path}.{attributes[0]}", getattr(value, attributes.pop(0), None)
-                if isinstance(value, ModuleType):
-                    for number, name in enumerate(attributes or [""]):
-                        self._add_module(".".join((value.__name__, *attributes[:number])), name)
-                    variables.append((path, f"module {value.__name__}"))
-                else:
-                    variables.append((path, self._variable_token(f"{file_label}.{path}", value)))
+        variables += [
+            self._global_content(file_label, chain, space[chain[0]])
+            for chain in sorted({*scan.chains})
+            if chain[0] in space
+        ]
         return scan.text, variables
+
+    def _global_content(self, file_label: str, chain: Sequence[str], value: Any) -> tuple[str, str]:
+        """Return the path and token of a global, named with a chain of attributes."""
+        path, *attributes = chain
+        while attributes and isinstance(value, ModuleType) and value.__name__ in self._homes:
+            path, value = f"{path}.{attributes[0]}", getattr(value, attributes.pop(0), None)
+        if not isinstance(value, ModuleType):
+            return path, self._variable_token(f"{file_label}.{path}", value)
+        for number, name in enumerate(attributes or [""]):
+            self._add_module(".".join((value.__name__, *attributes[:number])), name)
+        return path, f"module {value.__name__}"
 
     def _class_content(self, label: str, cls: type) -> Any:
         """Return bases, methods and values of a class."""

@@ -339,12 +339,12 @@ class Plan:
         distinct, inverse = np.unique(pairs, return_inverse=True)
         positions = []
         for pair in distinct.tolist():
-            replacing, own_position = divmod(pair, length)
+            replacing, target_position = divmod(pair, length)
             value = self.axes[other_number].points[replacing][other_position]
             matching = [k for k, point in enumerate(axis.points) if point[position] == value]
             candidates = {tuple(axis.points[k][r] for r in used_members) for k in matching}
-            if depends and own_position in matching:
-                positions.append(own_position)
+            if depends and target_position in matching:
+                positions.append(target_position)
             elif len(candidates) == 1 and not (depends and len(used_members) > 1):
                 positions.append(matching[0])
             else:

@@ -25,6 +25,7 @@ from sweeps.engine.declare.stage import VALID, At, BoundStage
 from sweeps.engine.resolve.keys import Keys, concatenate, hash_texts, unique_keys
 from sweeps.engine.resolve.plan import Cells, Indices, Plan
 from sweeps.engine.run.tasks import (
+    Argument,
     Batch,
     ObjectArgument,
     Outcome,
@@ -493,46 +494,56 @@ class Schedule:
         `grid` has the offsets of a call's other cells, with one axis for each axis computed
         together. `computed` are other fields of `Batch`.
         """
-        plan, along, count = self.plan, bound.along, len(firsts)
-        arguments: dict[str, ValueArgument | StoredArgument | ObjectArgument] = {}
-        takes_valid = VALID in bound.stage.arguments
+        plan = self.plan
+        arguments: dict[str, Argument] = {}
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
-        valid = np.ones((count, *gathered), dtype=bool) if takes_valid else None
+        valid = np.ones((len(firsts), *gathered), dtype=bool)
         for name, source in bound.arguments.items():
-            if isinstance(source, Setting) and source.key in along:
-                rows = np.moveaxis(grid, along.index(source.key), 0)
-                cells = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
-                values = tuple(plan.value(bound, source.key, cell) for cell in cells.tolist())
-                zeros = np.zeros(count, dtype=np.int32)
-                arguments[name] = ValueArgument((source.in_si(values),), zeros)
-            elif isinstance(source, Setting) or source.stage.is_plain:
-                distinct, codes = plan.factorise(bound, source, firsts)
-                arguments[name] = ValueArgument(distinct, codes.astype(np.int32))
+            if isinstance(source, Setting) or source.stage.is_plain:
+                arguments[name] = self._bind_value(bound, source, firsts, grid)
             elif not source.stage.is_cached:
-                first = plan.input_cells(bound)[source].first[firsts]
-                objects, codes = np.unique(first, return_inverse=True)
-                keys = (self._current_keys if self.failed else plan.keys)(source)[objects]
-                fields = {
-                    "keys": keys,
-                    "begins": np.arange(len(objects) + 1),
-                    "positions": 0 * objects,
-                }
-                batch = self._bind_arguments(
-                    source, objects, np.zeros((), dtype=np.int64), **fields
-                )
-                arguments[name] = ObjectArgument(batch, codes.astype(np.int32))
+                arguments[name] = self._bind_object(bound, source, firsts)
             else:
                 locations, present = self._locate_input(bound, source, firsts, grid)
                 reading = bound.stage.reads.get(name)
                 in_blocks = isinstance(reading, At) and reading.in_blocks
                 arguments[name] = StoredArgument(stage_spec(source.stage), locations, in_blocks)
-                if valid is not None:
-                    valid &= present
-        streams = (plan.stream(bound, cell) for cell in firsts.tolist() if bound.random)
-        stage = stage_spec(bound.stage)
+                valid &= present
         return Batch(
-            stage, arguments, shape=grid.shape, streams=tuple(streams), valid=valid, **computed
+            stage_spec(bound.stage),
+            arguments,
+            shape=grid.shape,
+            streams=tuple(plan.stream(bound, cell) for cell in firsts.tolist() if bound.random),
+            valid=valid if VALID in bound.stage.arguments else None,
+            **computed,
         )
+
+    def _bind_value(
+        self, bound: BoundStage, source: Setting | BoundStage, firsts: Cells, grid: Cells
+    ) -> ValueArgument:
+        """Return an argument that is a setting or the result of a plain stage."""
+        if isinstance(source, Setting) and source.key in bound.along:
+            rows = np.moveaxis(grid, bound.along.index(source.key), 0)
+            cells = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
+            values = tuple(self.plan.value(bound, source.key, cell) for cell in cells.tolist())
+            return ValueArgument((source.in_si(values),), np.zeros(len(firsts), dtype=np.int32))
+        distinct, codes = self.plan.factorise(bound, source, firsts)
+        return ValueArgument(distinct, codes.astype(np.int32))
+
+    def _bind_object(self, bound: BoundStage, source: BoundStage, firsts: Cells) -> ObjectArgument:
+        """Return an argument that is an in-memory object."""
+        first = self.plan.input_cells(bound)[source].first[firsts]
+        objects, codes = np.unique(first, return_inverse=True)
+        keys = (self._current_keys if self.failed else self.plan.keys)(source)[objects]
+        batch = self._bind_arguments(
+            source,
+            objects,
+            grid=np.zeros((), dtype=np.int64),
+            keys=keys,
+            begins=np.arange(len(objects) + 1),
+            positions=0 * objects,
+        )
+        return ObjectArgument(batch, codes.astype(np.int32))
 
     def _locate_input(
         self, bound: BoundStage, source: BoundStage, firsts: Cells, grid: Cells

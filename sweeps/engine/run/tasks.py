@@ -107,6 +107,9 @@ class ObjectArgument:
     indices: NDArray[np.int32]
 
 
+Argument = ValueArgument | StoredArgument | ObjectArgument
+
+
 @dataclass(frozen=True, eq=False)
 class Batch:
     """Calls of one function: their arguments by name, and the cells that they compute.
@@ -117,7 +120,7 @@ class Batch:
     """
 
     stage: StageSpec
-    arguments: Mapping[str, ValueArgument | StoredArgument | ObjectArgument]
+    arguments: Mapping[str, Argument]
     keys: Keys
     begins: NDArray[np.int64]
     positions: NDArray[np.int64]
@@ -285,34 +288,42 @@ def _prefetch_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[I
 
     Opening a pack takes longer than reading a small cell in it.
     """
-    reads = {
+    stored = {
         name: argument
         for name, argument in batch.arguments.items()
         if isinstance(argument, StoredArgument)
     }
-    if not reads:
+    if not stored:
         yield from ({} for _ in range(start, len(batch)))
         return
     window = 1
     while start < len(batch):
         stop = min(start + window, len(batch))
-        prefetched: list[Inputs] = [{} for _ in range(start, stop)]
-        size = 0
-        for name, read in reads.items():
-            locations = read.locations[start:stop]
-            if locations.pack.ndim > 1:  # several cells, which are read when the call runs
-                for number, inputs in enumerate(prefetched):
-                    inputs[name] = GatheredArray(read.stage, locations[number], packs)
-                continue
-            for number, arrays in enumerate(iter_cells(packs, locations)):
-                prefetched[number][name] = arrays or DamagedResults(
-                    locations.keys[number].tobytes()
-                )
-                size += sum(array.nbytes for array in (arrays or {}).values())
+        prefetched, size = _read_inputs(stored, packs, start, stop)
         while prefetched:
             yield prefetched.pop(0)  # and hold it no longer
         fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
+
+
+def _read_inputs(
+    stored: Mapping[str, StoredArgument], packs: Objects, start: int, stop: int
+) -> tuple[list[Inputs], int]:
+    """Return the stored inputs of the calls from `start` to `stop`, and their size in bytes."""
+    calls: list[Inputs] = [{} for _ in range(start, stop)]
+    size = 0
+    for name, argument in stored.items():
+        locations = argument.locations[start:stop]
+        if locations.pack.ndim > 1:  # several cells, which are read when the call runs
+            for number, inputs in enumerate(calls):
+                inputs[name] = GatheredArray(argument.stage, locations[number], packs)
+            continue
+        for inputs, key, arrays in zip(
+            calls, locations.keys, iter_cells(packs, locations), strict=True
+        ):
+            inputs[name] = arrays or DamagedResults(key.tobytes())
+            size += sum(array.nbytes for array in (arrays or {}).values())
+    return calls, size
 
 
 def _read_arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import ast
 import inspect
 import math
 import textwrap
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -25,6 +25,8 @@ from sweeps.engine.declare.display import ATTRIBUTE
 from sweeps.engine.declare.errors import DeclarationError, locate
 from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.declare.settings import Choices
+from sweeps.engine.declare.stage import Table
 from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.tasks import DamagedResults
@@ -49,21 +51,8 @@ def add_tables(plan: Plan, groups: dict[str, ArrayGroup]) -> list[Failure]:
             continue
         try:
             if table.when(plan.choices):
-                datasets = [to_dataset(groups[group]) for group in table.of]
-                dataset = table.make(*datasets, plan.choices)
-                if not isinstance(dataset, xr.Dataset | None):
-                    kind = type(dataset).__name__
-                    problem = f"its function returned a {kind}"
-                    raise TypeError(f"{problem}, but must return a data set or None")
-                if dataset is None and not _returns_value(table.make):
-                    sentence = "its function has no return, but must return a data set or None"
-                    raise TypeError(locate(table.make, sentence))
+                dataset = _make_table(table, groups, plan.choices)
                 if dataset is not None:
-                    if table.displays:
-                        displays = [
-                            display.as_attribute(plan.choices) for display in table.displays
-                        ]
-                        dataset = dataset.assign_attrs({ATTRIBUTE: displays})
                     groups[table.group] = from_dataset(dataset)
         except (DamagedResults, DeclarationError):  # of cells, not of the table
             raise
@@ -71,6 +60,24 @@ def add_tables(plan: Plan, groups: dict[str, ArrayGroup]) -> list[Failure]:
             raise_resource_error(error)
             failed[name] = Failure(name, one_line(error), traceback=format_traceback(error))
     return list(failed.values())
+
+
+def _make_table(
+    table: Table, groups: Mapping[str, ArrayGroup], choices: Choices
+) -> xr.Dataset | None:
+    """Return the data set of a table with its displays; None if it is empty."""
+    datasets = [to_dataset(groups[group]) for group in table.of]
+    dataset = table.make(*datasets, choices)
+    if not isinstance(dataset, xr.Dataset | None):
+        kind = type(dataset).__name__
+        raise TypeError(f"its function returned a {kind}, but must return a data set or None")
+    if dataset is None and not _returns_value(table.make):
+        sentence = "its function has no return, but must return a data set or None"
+        raise TypeError(locate(table.make, sentence))
+    if dataset is not None and table.displays:
+        displays = [display.as_attribute(choices) for display in table.displays]
+        return dataset.assign_attrs({ATTRIBUTE: displays})
+    return dataset
 
 
 def _returns_value(function: Callable[..., Any]) -> bool:
