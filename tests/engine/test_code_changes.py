@@ -13,72 +13,66 @@ FILES, DECLARED = CHANGES["files"], CHANGES["declared"]
 
 
 @pytest.fixture
-def changed(tmp_path, digest_in):  # noqa: F811
-    """Whether a change of a file changes the hash of `length`."""
-    before = digest_in(write(tmp_path, FILES)).digest
+def digest_of(tmp_path, digest_in):  # noqa: F811
+    """The digest of a function of the project with some files in the place of others."""
 
-    def change(name: str, old: str, new: str) -> bool:
-        file = f"fleet/{name}.py"
-        text = FILES[file].replace(old, new, 1)
-        assert text != FILES[file]
-        after: str = digest_in(write(tmp_path, {file: text})).digest
-        return after != before
+    def digest(files, module="fleet.late", function="late"):
+        found: str = digest_in(write(tmp_path, FILES | files), module, function).digest
+        return found
 
-    return change
+    return digest
 
 
-@pytest.mark.parametrize(("name", "old", "new"), CHANGES["same"])
-def test_the_same_computation_has_the_same_hash(changed, name, old, new):
-    assert not changed(name, old, new)
+def other(files):
+    """The files with other numbers."""
+    return {name: text.replace("2", "3") for name, text in files.items()}
 
 
-@pytest.mark.parametrize(("name", "old", "new"), CHANGES["other"])
-def test_another_computation_has_another_hash(changed, name, old, new):
-    assert changed(name, old, new)
+@pytest.mark.parametrize(
+    ("counts", "name", "old", "new"),
+    [
+        (counts, *change)
+        for counts in (False, True)
+        for change in CHANGES["other" if counts else "same"]
+    ],
+)
+def test_another_computation_alone_has_another_hash(digest_of, counts, name, old, new):
+    file = f"fleet/{name}.py"
+    text = FILES[file].replace(old, new, 1)
+    assert text != FILES[file]
+    digests = [digest_of(files, "fleet.measure", "length") for files in ({}, {file: text})]
+    assert (digests[0] != digests[1]) == counts
 
 
 @pytest.mark.filterwarnings("ignore:registration of accessor")
 @pytest.mark.parametrize(("late", "book"), CHANGES["whole"])
-def test_all_that_a_module_and_its_imports_do_counts(tmp_path, digest_in, late, book):  # noqa: F811
+def test_all_that_a_module_and_its_imports_do_counts(digest_of, late, book):
     files = {"fleet/late.py": late, "fleet/rope.py": "BOOK = {}\n", "fleet/book/page.py": ""}
     files["fleet/book/__init__.py"] = book
-    folder = write(tmp_path, FILES | files)
-    before = digest_in(folder, "fleet.late", "late").digest
-    changed = {name: text.replace("2", "3") for name, text in files.items() if "2" in text}
-    assert digest_in(write(folder, changed), "fleet.late", "late").digest != before
+    assert digest_of(files) != digest_of(other(files))
 
 
 @pytest.mark.parametrize("how", CHANGES["statements"])
-def test_statements_that_change_a_computation_count(tmp_path, digest_in, how):  # noqa: F811
+def test_statements_that_change_a_computation_count(digest_of, how):
     late = DECLARED.format(CHANGES["statements"][how])
-    files = {
-        "fleet/late.py": late,
-        "fleet/bent.py": CHANGES["bent"],
-        "fleet/loops.py": CHANGES["loops"],
-    }
-    folder = write(tmp_path, FILES | files)
-    before = digest_in(folder, "fleet.late", "late").digest
-    changed = {name: text.replace("2", "3") for name, text in files.items()}
-    assert digest_in(write(folder, changed), "fleet.late", "late").digest != before
+    files = {"late": late, "bent": CHANGES["bent"], "loops": CHANGES["loops"]}
+    files = {f"fleet/{name}.py": text for name, text in files.items()}
+    assert digest_of(files) != digest_of(other(files))
 
 
-def test_the_order_of_statements_counts(tmp_path, digest_in):  # noqa: F811
+def test_the_order_of_statements_counts(digest_of):
     late = DECLARED.format("GAIN = 2\nGAIN = 3\n@_stage()\ndef late(x):\n    return GAIN")
-    before = digest_in(write(tmp_path, {"fleet/late.py": late}), "fleet.late", "late").digest
     swapped = late.replace("GAIN = 2\nGAIN = 3", "GAIN = 3\nGAIN = 2")
-    after = digest_in(write(tmp_path, {"fleet/late.py": swapped}), "fleet.late", "late").digest
-    assert after != before
+    assert digest_of({"fleet/late.py": late}) != digest_of({"fleet/late.py": swapped})
 
 
-def test_a_script_of_one_function_may_change_its_values(tmp_path, digest_in):  # noqa: F811
+def test_a_script_of_one_function_may_change_its_values(digest_of):
     script = (
         "import sweeps\ndef late(x):\n    return x\n"
         "if __name__ == '__main__':\n    sweeps.sweep(late, {'x': [2]}, store='s.zarr')\n"
     )
-    folder = write(tmp_path, FILES | {"fleet/late.py": script})
-    before = digest_in(folder, "fleet.late", "late").digest
-    write(folder, {"fleet/late.py": script.replace("[2]", "[2, 3]")})
-    assert digest_in(folder, "fleet.late", "late").digest == before
+    more = script.replace("[2]", "[2, 3]")
+    assert digest_of({"fleet/late.py": script}) == digest_of({"fleet/late.py": more})
 
 
 def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(tmp_path):

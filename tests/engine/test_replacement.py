@@ -263,15 +263,6 @@ def test_readers_of_a_growing_store_never_see_two(place):
     np.testing.assert_array_equal(before["x"], np.zeros((1, 6)))  # its chunks are where they were
 
 
-def test_each_change_of_a_store_is_whole(place):
-    path = below(place, "s.zarr")
-    write_store(path, small(1), {})
-    for value in (2, 3, 4, 5):
-        write_store(path, small(value), {})
-        assert (opened(path, "one")["x"] == value).all()
-        assert not verify(path)
-
-
 def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
     path = tmp_path / "s.zarr"
     values = np.arange(12.0).reshape(4, 3)

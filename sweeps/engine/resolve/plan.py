@@ -390,14 +390,22 @@ class Plan:
 
         The argument is a setting or a plain stage.
         """
-        if isinstance(source, BoundStage):
-            codes, size = self.input_cells(bound)[source].first[cells], self.count(source)
-        elif source.key not in bound.gather:
-            number = self.axis_number(source.key)
-            codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
-        else:
+        if isinstance(source, Setting) and source.key not in bound.gather:
+            values, codes = self._factorise_setting(bound, source, cells)
+            return tuple(map(source.in_si, values)), codes
+        if isinstance(source, Setting):
             codes, size = 0 * cells, 1
+        else:
+            codes, size = self.input_cells(bound)[source].first[cells], self.count(source)
         return _values_by_position(codes, size, cells, partial(self.argument_value, bound, source))
+
+    def _factorise_setting(
+        self, bound: BoundStage, setting: Setting, cells: Cells
+    ) -> tuple[tuple[Value, ...], Cells]:
+        """Return the distinct values of a setting over cells, and each cell's index into them."""
+        number = self.axis_number(setting.key)
+        codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
+        return _values_by_position(codes, size, cells, partial(self.value, bound, setting.key))
 
     def stream(self, bound: BoundStage, cell: int) -> tuple[int, dict[str, Any]]:
         """Return the seed and the names of a cell's noise stream; see `resolve.streams`."""
@@ -482,10 +490,7 @@ class Plan:
             fold(keys, hash_texts([repr(versions)]))
             settings = [("", Run.seed, False), *self._stream_settings(bound)]
             for label, setting, optional in settings:
-                number = self.axis_number(setting.key)
-                codes, size = self.positions(bound, number, cells), len(self.axes[number].points)
-                value_at = partial(self.value, bound, setting.key)
-                values, codes = _values_by_position(codes, size, cells, value_at)
+                values, codes = self._factorise_setting(bound, setting, cells)
                 counting = (value for value in values if value or not optional)
                 tokens = {value: f"{label}~{value_token(value)}" for value in counting}
                 fold(keys, hash_texts(tokens.get(value, "") for value in values)[codes])

@@ -9,14 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import (
-    Count,
-    Number,
-    Switch,
-    Text,
-    Word,
-    format_value,
-)
+from sweeps.engine.declare.kinds import Count, Number, Switch, Text, Word, format_value
 from sweeps.engine.declare.settings import Run, Setting, ZippedAxis, flatten, nested, read_choices
 from sweeps.engine.declare.stage import Experiment
 from sweeps.engine.resolve.keys import digest
@@ -87,15 +80,10 @@ def differences(plan: Plan, old: Mapping[str, Any]) -> Iterator[tuple[str, list[
     code, old_parts, old_versions = (old.get(name, {}) for name in ("code", "parts", "versions"))
     differing: set[str] = set()
     for name, bound in plan.bound.items():
-        libraries = [*plan.digests[name].libraries, *(["numpy"] if bound.random else [])]
-        changed = {
-            library: f"{library} {old_versions[library]} -> {new_versions[library]}"
-            for library in libraries
-            if library in old_versions
-        }
+        libraries = {*plan.digests[name].libraries, *(["numpy"] if bound.random else [])}
         reasons = [
-            text
-            for library, text in sorted(changed.items())
+            f"{library} {old_versions[library]} -> {new_versions[library]}"
+            for library in sorted(libraries & old_versions.keys())
             if old_versions[library] != new_versions[library]
         ]
         if name not in code:
