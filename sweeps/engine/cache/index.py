@@ -46,7 +46,7 @@ class CellIndex:
         listings = cells.map(cells.list_objects, folders)
         files = [file for listing in listings for file in listing.values()]
         packs = [file for file in files if file["path"].endswith(PACK)]
-        # In the order of writing, by one clock, that of the disk or bucket; then by the writer's.
+        # In the order of writing, by the clock of the disk or bucket, then by that of the writer.
         packs.sort(key=lambda file: (file["last_modified"], file["path"].rpartition("/")[2]))
 
         def read(file: ObjectMeta) -> tuple[Pack, Keys]:

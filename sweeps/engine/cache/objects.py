@@ -53,7 +53,7 @@ def open_store(
 ) -> ObjectStore:
     """Return the obstore of a path; a missing folder is empty, or made if `make`.
 
-    A folder that becomes empty is removed if `clean`: nobody else may be about to write there.
+    With `clean`, a folder that becomes empty is removed; no other process may write there then.
     """
     if isinstance(path, str):
         return from_url(path, retry_config={"max_retries": RETRIES})

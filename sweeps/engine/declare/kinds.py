@@ -60,7 +60,7 @@ class Kind:
         Raises
         ------
         ValueError
-            Naming the key, the value and what is allowed.
+            Naming the key, the value and the allowed values.
         """
         listed = self._as_list(key, given)
         for value in listed:
@@ -94,7 +94,7 @@ class Kind:
         return None
 
     def origin(self, value: Value) -> Any:
-        """Return what distinguishes values that are equal, such as files of one name."""
+        """Return the source of a value, which distinguishes equal values such as names of files."""
         return None
 
     def _as_list(self, key: str, value: Any) -> list[Any]:

@@ -341,7 +341,7 @@ def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any])
     Raises
     ------
     ConfigurationError
-        Naming the first invalid key, its value and what is allowed.
+        Naming the first invalid key, its value and the allowed values.
     """
     by_name = {entry.name: entry for entry in entries}
     for name in given:

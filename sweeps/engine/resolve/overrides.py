@@ -191,7 +191,7 @@ def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
     Raises
     ------
     ConfigurationError
-        Naming the first invalid key, its value and what is allowed.
+        Naming the first invalid key, its value and the allowed values.
     """
     raw: Any = OmegaConf.to_container(config, resolve=False)
     _check_tree(experiment, nested(experiment.by_key), raw, "")
@@ -325,7 +325,7 @@ def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool
     Raises
     ------
     ConfigurationError
-        Naming the first invalid key, its value and what is allowed.
+        Naming the first invalid key, its value and the allowed values.
     """
     with hydra_context(experiment):
         overrides = _parse_overrides(experiment, arguments, several=several)

@@ -68,7 +68,7 @@ def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
 
 
 def seconds_since_renewal(path: PathOrUrl) -> float | None:
-    """Return the seconds since a store's lock was renewed; None if nobody is seen to hold it.
+    """Return the seconds since a store's lock was renewed; None if it is free.
 
     The operating system frees the lock of a folder when its owner ends, so this is 0 there. In a
     bucket, clocks are compared: an owner that is silent for longer than `LEASE` is probably dead.
