@@ -6,13 +6,12 @@ import errno
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from sweeps.engine.cache.packs import array_kinds, iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.declare.stage import BoundStage
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.keys import unique_keys
@@ -126,8 +126,7 @@ def sweep(plan: Plan, options: RunOptions, callbacks: Callbacks) -> SweepOutcome
                 "results that the cache has lost; give another store="
             )
         else:
-            crash_free = _crash_free_stages(plan, attributes or {})
-            finished = _compute_and_write(plan, options, index, callbacks, check, crash_free)
+            finished = _compute_and_write(plan, options, index, callbacks, check)
         size = 0
         with suppress(OSError):  # the store is complete even if the cache fails now
             size = sum(options.packs.sizes().values()) if finished.written else 0
@@ -142,29 +141,12 @@ def sweep(plan: Plan, options: RunOptions, callbacks: Callbacks) -> SweepOutcome
     return finished
 
 
-def _crash_free_stages(plan: Plan, attributes: Mapping[str, Any]) -> set[str]:
-    """Return the stages of packages that an existing store was made with, by its attributes.
-
-    Their calls have ended no process, so they may run in the command; a script's calls may not.
-    """
-    if "failures" in attributes:
-        return set()
-    return {
-        bound.name
-        for bound in plan.bound.values()
-        if bound.name in attributes.get("code", ())
-        and array_kinds(bound.stage.outputs)
-        and is_within(module_and_name(bound.stage.function)[0], plan.experiment.code)
-    }
-
-
 def _compute_and_write(
     plan: Plan,
     options: RunOptions,
     index: CellIndex,
     callbacks: Callbacks,
     check: Callable[[], None],
-    crash_free: Collection[str],
 ) -> SweepOutcome:
     """Compute and write all cells; compute unreadable cells again."""
     # The thread starts and ends workers while this one plans and writes.
@@ -173,8 +155,7 @@ def _compute_and_write(
             costs = {name: seconds for name, (seconds, _) in index.costs().items()}
             schedule, stack = Schedule(plan, costs), ExitStack()
             try:
-                context = (thread, stack, crash_free)
-                failures, workers = _compute(schedule, options, index, callbacks, *context)
+                failures, workers = _compute(schedule, options, index, callbacks, thread, stack)
                 if options.cluster.kind in LOCAL_KINDS:  # workers end meanwhile
                     thread.submit(stack.close)
                     workers = None
@@ -199,12 +180,10 @@ def _compute(
     callbacks: Callbacks,
     thread: ThreadPoolExecutor,
     stack: ExitStack,
-    crash_free: Collection[str],
 ) -> tuple[Failures, Executor | None]:
     """Compute missing cells on workers, which `stack` ends; return failures and workers, if any.
 
-    If little work of only `crash_free` stages is left, this process does it instead of local
-    workers. Raises as `execute` does.
+    This process does little work instead of local workers. Raises as `execute` does.
     """
     plan, choice = schedule.plan, options.cluster
     with allow_interrupts():
@@ -223,10 +202,7 @@ def _compute(
         return [], None
     if choice.kind == "local":
         check_guard()
-        safe = all(
-            bound.name in schedule.costs and bound.name in crash_free for bound, *_ in missing
-        )
-        if safe and sum(schedule.remaining_seconds().values()) < INLINE_SECONDS:
+        if _fits_in_process(schedule, [bound for bound, *_ in missing], options.store):
             choice = ClusterChoice("inline")
     entered = open_executor(
         choice,
@@ -255,6 +231,23 @@ def _compute(
         thread.submit(import_module, name)
     call_each(preparations, workers, lambda: callbacks.step(schedule))
     return execute(schedule, workers, index, callbacks), workers
+
+
+def _fits_in_process(schedule: Schedule, stages: Sequence[BoundStage], store: PathOrUrl) -> bool:
+    """Return whether little work is left, only of stages of packages that made an existing store.
+
+    Their calls have ended no process, so they may run in the command; a script's calls may not.
+    """
+    if sum(schedule.remaining_seconds().values()) >= INLINE_SECONDS:
+        return False
+    attributes, packages = read_attributes(store) or {}, schedule.plan.experiment.code
+    return "failures" not in attributes and all(
+        bound.name in schedule.costs
+        and bound.name in attributes.get("code", ())
+        and array_kinds(bound.stage.outputs)
+        and is_within(module_and_name(bound.stage.function)[0], packages)
+        for bound in stages
+    )
 
 
 def _damaged_keys(schedule: Schedule, packs: Objects) -> set[bytes]:

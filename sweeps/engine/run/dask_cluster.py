@@ -91,7 +91,7 @@ class DaskExecutor:
 
     def __init__(self, client: Client, workers: int | None, shared: Requirements) -> None:
         self._client = client
-        self._workers, self._counted, self._due = workers, 1, 0.0
+        self._workers, self._counted, self._next_count = workers, 1, 0.0
         self._shared = shared
         self._cancelled: Exception = SweepIncomplete(SCHEDULER_GONE)
         self._completed = as_completed(loop=client.loop)
@@ -100,10 +100,10 @@ class DaskExecutor:
     @property
     def worker_count(self) -> int:
         """Number of started processes or, on a running cluster, of those present a moment ago."""
-        if self._workers is None and time.monotonic() >= self._due:  # called with every task
+        if self._workers is None and time.monotonic() >= self._next_count:  # called with every task
             with suppress(OSError):  # the scheduler may be gone, as `wait` finds out
                 self._counted = max(1, len(self._client.nthreads()))
-            self._due = time.monotonic() + COUNT_INTERVAL
+            self._next_count = time.monotonic() + COUNT_INTERVAL
         return self._workers or self._counted
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:

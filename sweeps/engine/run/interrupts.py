@@ -40,7 +40,7 @@ class Stopped(BaseException):
 
 
 # The signal that arrived, its time [s, monotonic], and whether a signal may interrupt now.
-_state = SimpleNamespace(number=None, at=0.0, handled=False, interruptible=0)
+_state = SimpleNamespace(number=None, arrived=0.0, handled=False, interruptible=0)
 
 
 @contextmanager
@@ -109,8 +109,8 @@ def _handles_signals() -> bool:
 
 def _handle_signal(number: int, frame: FrameType | None) -> None:
     if _state.number is None:
-        _state.number, _state.at = number, time.monotonic()
+        _state.number, _state.arrived = number, time.monotonic()
         if _state.interruptible:
             raise Stopped(number)
-    elif time.monotonic() - _state.at > CLEANUP_SECONDS:
+    elif time.monotonic() - _state.arrived > CLEANUP_SECONDS:
         os._exit(128 + number)

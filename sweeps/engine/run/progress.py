@@ -59,12 +59,16 @@ class _ProgressView:
         self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, record: bool
     ) -> None:
         self.name, self.log, self.record = name, log, record
-        self.states, self.file, self.due = open_states(cache, make=True), state_name(store), 0.0
+        self.states, self.file, self.next_save = (
+            open_states(cache, make=True),
+            state_name(store),
+            0.0,
+        )
         self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
         self.state["ended"] = "stopped"  # until the sweep finishes
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
         self.live = Live(console=Console(stderr=True, quiet=not self.terminal), transient=True)
-        self.begun = self.at = time.monotonic()
+        self.begun = self.last_line = time.monotonic()
         self.failures = 0
         self.schedule: Schedule | None = None
 
@@ -85,12 +89,10 @@ class _ProgressView:
     def update(self, schedule: Schedule) -> None:
         now, self.schedule = time.monotonic(), schedule
         stages = [*schedule.progress.items()]
-        work, done = schedule.remaining_seconds(), (progress.seconds for _, progress in stages)
-        if now >= self.due:
+        if now >= self.next_save:
             self.write()
-            self.due = time.monotonic() + SAVE_INTERVAL
-        time_text = time_left(sum(work.values()), sum(done), now - self.begun)
-        remaining = f"about {time_text} left" if time_text else ""
+            self.next_save = time.monotonic() + SAVE_INTERVAL
+        remaining = _remaining_time(schedule, self.begun)
         started = [
             (name, progress)
             for name, progress in stages
@@ -100,8 +102,8 @@ class _ProgressView:
             computed = [progress for _, progress in stages if progress.reused < progress.total]
             rows = [*started[:MAX_BARS], ("all", Progress.sum(computed))] if computed else []
             self.live.update(_make_bars(rows, remaining))
-        elif now - self.at >= LINE_INTERVAL:
-            self.at = now
+        elif now - self.last_line >= LINE_INTERVAL:
+            self.last_line = now
             parts = [
                 f"{name} {progress.total - progress.remaining}/{progress.total}"
                 for name, progress in started[::-1]
@@ -131,9 +133,7 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
 
     def make_table(schedule: Schedule) -> Table:
         stages = [item for item in schedule.progress.items() if item[1].reused < item[1].total]
-        work, done = schedule.remaining_seconds(), sum(progress.seconds for _, progress in stages)
-        time_text = time_left(sum(work.values()), done, time.monotonic() - begun)
-        return _make_bars(stages, f"about {time_text} left" if time_text else "")
+        return _make_bars(stages, _remaining_time(schedule, begun))
 
     if console.is_jupyter:
         from IPython.display import display  # there, if this is a notebook
@@ -165,6 +165,13 @@ def _make_bars(rows: Sequence[tuple[str, Progress]], remaining: str) -> Table:
             f"{name:<20}", bar, f"{count}/{progress.total}", remaining * (number == len(rows))
         )
     return table
+
+
+def _remaining_time(schedule: Schedule, begun: float) -> str:
+    """Return the estimated time left of a sweep in words, or nothing."""
+    work, total = schedule.remaining_seconds(), Progress.sum(schedule.progress.values())
+    text = time_left(sum(work.values()), total.seconds, time.monotonic() - begun)
+    return f"about {text} left" if text else ""
 
 
 def time_left(work: float, done: float, elapsed: float) -> str:
