@@ -163,9 +163,9 @@ def meanwhile(function):
     assert not errors
 
 
-def fails_with(choice, sentence):
+def fails_with(choice, sentence, **options):
     with (
         pytest.raises(ConfigurationError, match=f"^{sentence}$"),
-        open_executor(choice, say=silent),
+        open_executor(choice, say=silent, **options),
     ):
         pass

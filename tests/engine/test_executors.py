@@ -1,6 +1,5 @@
 """Executors of every kind: equal results, errors by number, one thread a process, the same code."""
 
-import re
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -16,7 +15,6 @@ from threadpoolctl import threadpool_limits
 from toys import go
 
 from sweeps.engine.cache.objects import Objects
-from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
@@ -178,15 +176,11 @@ def test_a_scheduler_answers_neither_other_certificates_nor_none(running, tmp_pa
 def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "of_this_process.py").write_text("")
-    with (
-        pytest.raises(ConfigurationError) as refused,
-        open_executor(running, packages=("toys", "of_this_process"), say=executors.silent),
-    ):
-        pass
-    assert re.fullmatch(
+    executors.fails_with(
+        running,
         rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ has different "
         "code of of_this_process; it must have the code of this process",
-        str(refused.value),
+        packages=("toys", "of_this_process"),
     )
 
 
@@ -199,13 +193,9 @@ class Elsewhere(Objects):
 
 def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
     packs = Elsewhere(tmp_path / "cache")
-    with (
-        pytest.raises(ConfigurationError) as refused,
-        open_executor(running, packs=packs, say=executors.silent),
-    ):
-        pass
-    assert re.fullmatch(
+    executors.fails_with(
+        running,
         rf"cluster.address is {running.address}, but its worker tls://127.0.0.1:\d+ does not see "
         rf"the cache '{packs.path}' of this command; put it where all workers see it",
-        str(refused.value),
+        packs=packs,
     )

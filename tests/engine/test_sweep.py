@@ -1,6 +1,7 @@
 """Whole sweeps of toys: right numbers, one store however it is made, nothing computed twice."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -35,24 +36,22 @@ def plain_period(stiffness, mass):
 
 def test_every_number_is_that_of_a_plain_computation(store):
     springs, answers = opened(store, "springs"), opened(store, "answers")
-    for mass in MASS:
-        for length in LENGTH:
-            for draw in DRAW:
-                noisy = []
-                for stiffness in STIFFNESS:
-                    point = {"stiffness": stiffness, "mass": mass}
-                    period = plain_period(stiffness, mass)
-                    noise = plain_noise(stiffness, mass, draw, length)
-                    noisy.append(period + noise.mean())
-                    assert springs.period.sel(point) == period
-                    point |= {"length": length, "draw": draw}
-                    assert springs.noisy.sel(point) == noisy[-1]
-                    trace = springs.trace.sel(point).values
-                    assert (trace[:length] == (stiffness + noise).astype("f4")).all()
-                    assert np.isnan(trace[length:]).all()
-                answer = answers.answer.sel(mass=mass, length=length, draw=draw)
-                assert answer.sel(rule="max") == max(noisy)
-                assert answer.sel(rule="mean") == np.mean(noisy)
+    for mass, length, draw in product(MASS, LENGTH, DRAW):
+        noisy = []
+        for stiffness in STIFFNESS:
+            point = {"stiffness": stiffness, "mass": mass}
+            period = plain_period(stiffness, mass)
+            noise = plain_noise(stiffness, mass, draw, length)
+            noisy.append(period + noise.mean())
+            assert springs.period.sel(point) == period
+            point |= {"length": length, "draw": draw}
+            assert springs.noisy.sel(point) == noisy[-1]
+            trace = springs.trace.sel(point).values
+            assert (trace[:length] == (stiffness + noise).astype("f4")).all()
+            assert np.isnan(trace[length:]).all()
+        answer = answers.answer.sel(mass=mass, length=length, draw=draw)
+        assert answer.sel(rule="max") == max(noisy)
+        assert answer.sel(rule="mean") == np.mean(noisy)
     assert (opened(store, "status").taken == 1).all()
 
 
