@@ -147,7 +147,7 @@ def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
 
 def remarks(modules: Sequence[Any], choices: Choices) -> list[str]:
     """Return the lines to print before a sweep, on unused classifiers and of modules."""
-    given_keys = {Classifier.name.key, Classifier.key} & set(choices.given)
+    given_keys = {Classifier.name.key, Classifier.key} & set(choices.given_keys)
     sensors = ",".join(choices.value(Sweep.sensor))
     return [
         f"classifier.name={name} has nothing to do for sensor={sensors}; ignored"

@@ -275,7 +275,7 @@ class Choices:
 
     values: Mapping[str, tuple[Value, ...]]
     zipped: tuple[ZippedAxis, ...] = ()
-    given: tuple[str, ...] = field(default=(), compare=False)  # keys of the command line
+    given_keys: tuple[str, ...] = field(default=(), compare=False)  # on the command line
     read_keys: set[str] = field(default_factory=set, repr=False, compare=False)  # keys looked up
 
     def __getitem__(self, setting: Setting) -> tuple[Value, ...]:

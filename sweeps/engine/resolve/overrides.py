@@ -340,7 +340,7 @@ def make_job(
 ) -> Job:
     """Return a job of a composed configuration; `store` is its path if that names none."""
     by_key = dict(line.partition("=")[::2] for line in lines)
-    choices = replace(read_configuration(experiment, configuration), given=tuple(by_key))
+    choices = replace(read_configuration(experiment, configuration), given_keys=tuple(by_key))
     return Job(by_key, choices, choices.value(Run.store) or store)
 
 

@@ -178,7 +178,7 @@ class Plan:
             for setting in self.experiment.experiment_settings
             if setting.key in used_keys and self._is_varied(setting)
         ]
-        return sorted(settings, key=lambda setting: setting.key not in self.choices.given)
+        return sorted(settings, key=lambda setting: setting.key not in self.choices.given_keys)
 
     def _is_varied(self, setting: Setting) -> bool:
         values = self.choices[setting]

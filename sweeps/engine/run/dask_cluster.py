@@ -57,7 +57,7 @@ ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # for a scheduler's answer; for its fi
 CHECK_INTERVAL = 1.0  # s between checks of workers
 JOB_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
 LOST_SECONDS = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
-MAX_VAIN_CHECKS = 3  # in a row without a worker, after which no more jobs are submitted
+MAX_FAILED_CHECKS = 3  # in a row without a worker, after which no more jobs are submitted
 SCHEDULER_GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
 
 SCRATCH = "temporary-directory"
@@ -91,7 +91,7 @@ class DaskExecutor:
 
     def __init__(self, client: Client, workers: int | None, shared: Requirements) -> None:
         self._client = client
-        self._workers, self._counted, self._next_count = workers, 1, 0.0
+        self._workers, self._last_count, self._next_count = workers, 1, 0.0
         self._shared = shared
         self._cancelled: Exception = SweepIncomplete(SCHEDULER_GONE)
         self._completed = as_completed(loop=client.loop)
@@ -102,9 +102,9 @@ class DaskExecutor:
         """Number of started processes or, on a running cluster, of those present a moment ago."""
         if self._workers is None and time.monotonic() >= self._next_count:  # called with every task
             with suppress(OSError):  # the scheduler may be gone, as `wait` finds out
-                self._counted = max(1, len(self._client.nthreads()))
+                self._last_count = max(1, len(self._client.nthreads()))
             self._next_count = time.monotonic() + COUNT_INTERVAL
-        return self._workers or self._counted
+        return self._workers or self._last_count
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
         """Send a task to the scheduler."""
@@ -329,7 +329,7 @@ class _SlurmQueue:
     def __init__(self, cluster: Any, run: DaskExecutor, folder: Path, say: Say) -> None:
         self._cluster, self._run, self._folder, self._say = cluster, run, folder, say
         self._reported: set[str] = set()
-        self._vain = 0  # checks that found ended jobs, since there was a worker
+        self._failed_checks = 0  # checks that found ended jobs, since there was a worker
 
     async def check(self) -> None:
         """Mark ended jobs; say why all others wait; give up if jobs end without a worker."""
@@ -345,10 +345,10 @@ class _SlurmQueue:
         for job in ended:
             job.status = Status.closed
         if self._cluster.scheduler.workers:
-            self._vain = 0
+            self._failed_checks = 0
             return
-        self._vain += bool(ended)
-        if self._vain == MAX_VAIN_CHECKS:
+        self._failed_checks += bool(ended)
+        if self._failed_checks == MAX_FAILED_CHECKS:
             logs = sorted(self._folder.glob("*.err"), key=os.path.getmtime)
             last = logs[-1].read_text(errors="replace").split("\n") if logs else []
             message = next((line.strip() for line in reversed(last) if line.strip()), "no message")

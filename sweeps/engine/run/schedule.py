@@ -270,13 +270,13 @@ class Schedule:
             for inputs in plan.computed_inputs(bound):
                 needed_cells[inputs.source][inputs.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
-        self._left = Counter({bound: len(cells) for bound, cells in self._missing.items()})
+        self._unfinished = Counter({bound: len(cells) for bound, cells in self._missing.items()})
         maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
         for number, (bound, cells) in enumerate(self._missing.items()):
             maker[self.results[bound][cells]] = number
         stages = [*self._missing]
         made_by = {bound: self._producer_stages(bound, maker) for bound in stages}
-        self._needs = {
+        self._producers = {
             bound: [stages[n] for n in numbers if n >= 0] for bound, numbers in made_by.items()
         }
         # Every stage with missing cells, their number, and the number of calls.
@@ -348,7 +348,7 @@ class Schedule:
         while ready := {
             bound: cells
             for bound, cells in self._missing.items()
-            if not any(self._left[source] for source in self._needs[bound])
+            if not any(self._unfinished[source] for source in self._producers[bound])
         }:
             for bound in ready:
                 del self._missing[bound]
@@ -588,7 +588,7 @@ class Schedule:
         if outcome.seconds and len(results):
             cell_seconds = outcome.seconds / len(results)  # of the calls that succeeded
             self.costs[name] = 0.7 * self.costs.get(name, cell_seconds) + 0.3 * cell_seconds
-        if not self._left[bound]:
+        if not self._unfinished[bound]:
             self._queue_ready()
         return failures
 
@@ -603,12 +603,12 @@ class Schedule:
     def _finish(self, bound: BoundStage, results: Indices, pack: Any, row: Any) -> None:
         self.locations.pack[results], self.locations.row[results] = pack, row
         self.progress[bound.name].done += len(results)
-        self._left[bound] -= len(results)
+        self._unfinished[bound] -= len(results)
 
     def _fail(self, bound: BoundStage, result: int, reason: str) -> None:
         self.failed[result] = reason
         self.progress[bound.name].failed += 1
-        self._left[bound] -= 1
+        self._unfinished[bound] -= 1
 
     def remaining_seconds(self) -> dict[str, float]:
         """Return the seconds that missing cells take, by stage; the median for untimed stages."""
