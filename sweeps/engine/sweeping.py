@@ -17,7 +17,7 @@ import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, make_folder
-from sweeps.engine.cache.packs import array_kinds, iter_cells, open_packs
+from sweeps.engine.cache.packs import declared_signatures, iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import PathOrUrl
@@ -244,7 +244,7 @@ def _fits_in_process(schedule: Schedule, stages: Sequence[BoundStage], store: Pa
     return "failures" not in attributes and all(
         bound.name in schedule.costs
         and bound.name in attributes.get("code", ())
-        and array_kinds(bound.stage.outputs)
+        and declared_signatures(bound.stage.outputs)
         and is_within(module_and_name(bound.stage.function)[0], packages)
         for bound in stages
     )

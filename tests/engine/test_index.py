@@ -21,7 +21,7 @@ from running import ROOT
 from sweeps.engine.cache import packs
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.objects import MARKER, Objects
-from sweeps.engine.cache.packs import Pack, PackWriter, array_kinds, open_packs
+from sweeps.engine.cache.packs import Pack, PackWriter, declared_signatures, open_packs
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_an_index_finds_what_a_dictionary_finds(data):
         expected = {}
         for number, pack in enumerate(data.draw(st.lists(some, max_size=4))):
             index.add(
-                Pack(f"{number}", kinds=array_kinds(SMALL)),
+                Pack(f"{number}", signatures=declared_signatures(SMALL)),
                 np.array(pack, np.uint64).reshape(-1, 2),
             )
             expected |= {key: (number, row) for row, key in enumerate(pack)}

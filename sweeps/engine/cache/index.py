@@ -17,7 +17,7 @@ from sweeps.engine.cache.packs import (
     PACK,
     Locations,
     Pack,
-    array_kinds,
+    declared_signatures,
     read_pack,
 )
 from sweeps.engine.declare.stage import Output
@@ -103,9 +103,11 @@ class CellIndex:
             hits = (positions >= 0) & (index.keys[positions] == batch[order]).all(axis=1)
             pack[start + order] = np.where(hits, index.pack[positions], NO_PACK)
             row[start + order] = index.row[positions]
-        kinds, numbers = array_kinds(outputs), np.unique(pack[pack >= 0]).tolist()
+        signatures, numbers = declared_signatures(outputs), np.unique(pack[pack >= 0]).tolist()
         differing = [
-            number for number in numbers if kinds is not None and self.packs[number].kinds != kinds
+            number
+            for number in numbers
+            if signatures is not None and self.packs[number].signatures != signatures
         ]
         if differing:
             mismatched = np.isin(pack, differing)

@@ -53,7 +53,7 @@ Buffer = Any
 Cells = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 Numbers = NDArray[np.int32]
-Kind = tuple[tuple[str, str, int], ...]
+Signature = tuple[tuple[str, str, int], ...]
 """Names, codes of the dtypes, and numbers of dimensions of the arrays of a cell."""
 
 
@@ -128,7 +128,7 @@ class Pack:
     cells: int = 0
     stage: str = "(unreadable)"
     seconds: float = 0.0  # time of all cells
-    kinds: frozenset[Kind] = frozenset()  # of its cells
+    signatures: frozenset[Signature] = frozenset()  # of its cells
 
 
 class Head(NamedTuple):
@@ -177,7 +177,7 @@ class Head(NamedTuple):
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - record_sizes, ends, layouts, checks
         size = int(ends[-1]) if cells else 0
-        return cls(Pack(path, size, cells, stage, seconds, _cell_kinds(described)), *of_cells)
+        return cls(Pack(path, size, cells, stage, seconds, _cell_signatures(described)), *of_cells)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a record, copied; None if its digest differs."""
@@ -231,21 +231,23 @@ class PackWriter:
         step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
-        return Pack(path, len(head) + size, len(keys), stage, seconds, _cell_kinds(self.layouts))
+        return Pack(
+            path, len(head) + size, len(keys), stage, seconds, _cell_signatures(self.layouts)
+        )
 
 
-def _cell_kinds(layouts: Iterable[Any]) -> frozenset[Kind]:
-    """Return the kinds of cells with some layouts: the name, code and shape of every array."""
+def _cell_signatures(layouts: Iterable[Any]) -> frozenset[Signature]:
+    """Return the signatures of cells with some layouts: the name, code and shape of every array."""
     return frozenset(
         tuple((name, code, len(shape)) for name, code, shape in layout) for layout in layouts
     )
 
 
-def array_kinds(outputs: Iterable[Output]) -> frozenset[Kind] | None:
-    """Return the kind of a stage's cells from its outputs; None if these are undeclared."""
+def declared_signatures(outputs: Iterable[Output]) -> frozenset[Signature] | None:
+    """Return the signature of a stage's cells from its outputs; None if these are undeclared."""
     if any(isinstance(output, UndeclaredOutput) for output in outputs):
         return None
-    return _cell_kinds(
+    return _cell_signatures(
         [[(output.name, _dtype_code(np.dtype(output.dtype)), output.dims) for output in outputs]]
     )
 
@@ -327,13 +329,13 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
 def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
     """Return the distinct layouts of some cells, (cell,), of undamaged packs, in their order."""
     first_indices: dict[Any, int] = {}
-    for number in np.unique(locations.pack).tolist():
-        indices = np.flatnonzero(locations.pack == number)
+    for pack in np.unique(locations.pack).tolist():
+        indices = np.flatnonzero(locations.pack == pack)
         with ignore_damage():
-            head = _read_head(cells, locations.paths[number])
-            kinds, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
-            for kind, index in zip(kinds.tolist(), indices[first].tolist(), strict=True):
-                layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[kind])
+            head = _read_head(cells, locations.paths[pack])
+            numbers, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
+            for number, index in zip(numbers.tolist(), indices[first].tolist(), strict=True):
+                layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[number])
                 first_indices[layout] = min(first_indices.get(layout, index), index)
     return sorted(first_indices, key=first_indices.__getitem__)
 
