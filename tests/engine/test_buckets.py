@@ -7,7 +7,7 @@ import buckets
 import pytest
 from running import python
 from small_stores import below, contents, files, opened
-from toys import CALLS, SPRINGS, Told, go
+from toys import CALLS, SPRINGS, Recorder, go
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command.line import Command
@@ -51,7 +51,7 @@ def test_a_failed_write_is_resumed(place, tmp_path, monkeypatch):
 
 
 def test_damage_is_found_and_mended(place, tmp_path):
-    store, cache, recorder = below(place, "s.zarr"), tmp_path / "cache", Told()
+    store, cache, recorder = below(place, "s.zarr"), tmp_path / "cache", Recorder()
     go(store, cache)
     before, names, there = contents(store), files(store), Objects(store)
     changed = next(name for name in names if name.startswith("answers/answer/c."))

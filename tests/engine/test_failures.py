@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from packed import pack_files
 from small_stores import contents, files, opened
-from toys import CALLS, Few, Told, go, of, run
+from toys import CALLS, Few, Recorder, go, of, run
 
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import PackWriter
@@ -20,7 +20,7 @@ STIFF = "ValueError: too [stiff]"
 
 
 def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
-    store, recorder = tmp_path / "s.zarr", Told()
+    store, recorder = tmp_path / "s.zarr", Recorder()
     finished = go(store, callbacks=recorder.callbacks, spring__limit=1.5)
     name = "period stiffness=4 mass=1"
     assert recorder.failures == finished.failures == [(name, STIFF)]
@@ -170,7 +170,7 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
                 file.unlink()
             case "header":
                 damage(file, at=20)
-    recorder = Told()
+    recorder = Recorder()
     CALLS.clear()
     finished = go(tmp_path / "t.zarr", cache, callbacks=recorder.callbacks)
     if way == "gone":
@@ -191,7 +191,7 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
 
 @pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
 def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept):
-    store, cache, recorder = tmp_path / "s.zarr", tmp_path / "cache", Told()
+    store, cache, recorder = tmp_path / "s.zarr", tmp_path / "cache", Recorder()
     go(store, cache)
     before, names = contents(store), files(store)
     short = store / next(name for name in names if name.startswith("answers/answer/c."))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from packed import SMALL, keys, locations, pack_files, same, small, write_pack, written
 from small_stores import files
-from toys import Told, go
+from toys import Recorder, go
 
 from sweeps.engine.cache import objects as places
 from sweeps.engine.cache import packs
@@ -217,7 +217,7 @@ def stage_of(path: Path) -> str:
 
 
 def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, monkeypatch):
-    cache, recorder = tmp_path / "cache", Told()
+    cache, recorder = tmp_path / "cache", Recorder()
     go(tmp_path / "s.zarr", cache)
     first = {stage_of(path): path for path in pack_files(cache)}
     go(tmp_path / "t.zarr", cache, seed=1)  # cells of the same shapes

@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from killed import killed_at
 from small_stores import contents
-from toys import Told, go
+from toys import Recorder, go
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.store.writing import recover
@@ -171,7 +171,7 @@ def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
         os.kill(driver.pid, signal.SIGKILL)
         driver.wait()
     assert not (tmp_path / "s.zarr").exists()
-    recorder, packs = Told(), len(list(cells.rglob("*.pack")))
+    recorder, packs = Recorder(), len(list(cells.rglob("*.pack")))
     while True:  # until the workers of the dead driver are gone, too
         try:
             finished = go(

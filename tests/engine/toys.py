@@ -235,7 +235,7 @@ def run(
     return sweep(Plan(experiment, choices), place, callbacks or Callbacks(lambda sentence: None))
 
 
-class Told:
+class Recorder:
     """Sentences and failures that a sweep tells of."""
 
     def __init__(self):
