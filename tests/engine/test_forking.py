@@ -64,9 +64,9 @@ def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
 
 def test_the_process_ends_with_the_one_that_started_it():
     source = (
-        "from executors import running_server\n"
+        "from executors import eventually, running_server\n"
         "from sweeps.engine.run.forking import start_fork_server\n"
-        "start_fork_server([]); print(running_server().pid)"
+        "start_fork_server([]); eventually(running_server); print(running_server().pid)"
     )
     done = subprocess.run(
         [sys.executable, "-c", source], env={"PYTHONPATH": SEARCH}, capture_output=True, text=True
