@@ -69,7 +69,7 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
     for _ in range(2):
         with store_lock(path) as check:
             check()
-    assert seconds_since_renewal(path) is None and not beside(path)
+    assert seconds_since_renewal(path) is None and not lock_names(path)
 
 
 def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
@@ -92,7 +92,7 @@ def test_a_lock_is_no_link_to_another_file(tmp_path):
     assert victim.read_text() == "kept"
 
 
-def beside(path):
+def lock_names(path):
     """The names of the locks beside a store."""
     above = path.parent if isinstance(path, Path) else path.rpartition("/")[0]
     return [name for name in Objects(above).sizes() if name.endswith(".lock")]
@@ -101,20 +101,20 @@ def beside(path):
 def test_there_is_one_writer_at_a_time(place, monkeypatch):
     monkeypatch.setattr(locks, "LEASE", 60)  # nobody dies, however slow the machine
     path = below(place, "s.zarr")
-    inside, most, refused, written = 0, 0, 0, 0
+    holders, most_holders, refusals, writes = 0, 0, 0, 0
 
     def work():
-        nonlocal inside, most, refused, written
+        nonlocal holders, most_holders, refusals, writes
         for _ in range(50 if isinstance(place, Path) else 10):
             try:
                 with store_lock(path):
-                    inside += 1
-                    most = max(most, inside)
+                    holders += 1
+                    most_holders = max(most_holders, holders)
                     time.sleep(0.001)
-                    inside -= 1
-                    written += 1
+                    holders -= 1
+                    writes += 1
             except ConfigurationError:
-                refused += 1
+                refusals += 1
 
     writers = [threading.Thread(target=work) for _ in range(4)]
     for writer in writers:
@@ -122,35 +122,35 @@ def test_there_is_one_writer_at_a_time(place, monkeypatch):
     for writer in writers:
         writer.join()
     rounds = 200 if isinstance(place, Path) else 40
-    assert most == 1 and written + refused == rounds and written and refused
-    assert not beside(path)
+    assert most_holders == 1 and writes + refusals == rounds and writes and refusals
+    assert not lock_names(path)
 
 
 def test_of_many_that_find_a_dead_owner_one_takes_over(place, monkeypatch):
     monkeypatch.setattr(locks, "RENEW_INTERVAL", 0.1)
-    path, took, start = below(place, "s.zarr"), [], threading.Barrier(6)
+    path, successes, start = below(place, "s.zarr"), [], threading.Barrier(6)
     Objects(place, make=True).put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
 
     def take():
         start.wait()
         try:
             with store_lock(path):
-                took.append(True)
-                done.wait()
+                successes.append(True)
+                all_tried.wait()
         except ConfigurationError:
-            took.append(False)
+            successes.append(False)
 
-    done = threading.Event()
+    all_tried = threading.Event()
     threads = [threading.Thread(target=take) for _ in range(6)]
     for thread in threads:
         thread.start()
-    while len(took) < 6:
+    while len(successes) < 6:
         time.sleep(0.01)
-    done.set()
+    all_tried.set()
     for thread in threads:
         thread.join()
-    assert took.count(True) == 1
-    assert not beside(path)
+    assert successes.count(True) == 1
+    assert not lock_names(path)
 
 
 def test_a_slow_answer_of_a_bucket_is_no_silence_of_the_owner(bucket, monkeypatch):
@@ -187,7 +187,7 @@ def test_an_owner_in_a_bucket_that_is_silent_loses_it_and_is_told(bucket):
             recheck()
         with pytest.raises(OSError, match="its lock was taken by another process"):
             check()
-    assert not beside(path)
+    assert not lock_names(path)
 
 
 def test_an_answer_that_is_lost_loses_no_lock(bucket, monkeypatch):
@@ -202,4 +202,4 @@ def test_an_answer_that_is_lost_loses_no_lock(bucket, monkeypatch):
         monkeypatch.setattr(Objects, "put_if", twice)
         check()
         check()
-    assert not beside(path)
+    assert not lock_names(path)
