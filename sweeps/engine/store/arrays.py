@@ -242,11 +242,6 @@ def iter_chunks(array: Array) -> Iterator[tuple[str, Region]]:
         yield ".".join(str(number) for number, _ in chunk), tuple(r for _, r in chunk)
 
 
-def chunk_name(path: str, space: str, index: str) -> str:
-    """Return the name of a chunk of an array, in one of its key spaces."""
-    return f"{path}/{space}{index}"
-
-
 def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
     """Return the zarr 3 metadata of an array, whose chunks are in a key space."""
     stored = array.stored_dtype

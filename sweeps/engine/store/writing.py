@@ -32,7 +32,6 @@ from sweeps.engine.store.arrays import (
     Array,
     ArrayGroup,
     Region,
-    chunk_name,
     encode,
     iter_chunks,
     metadata,
@@ -88,8 +87,12 @@ def write_store(
         array_metadata = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
         nodes = _make_nodes(groups, array_metadata, attributes, shared)
         chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
-        unchanged_names = [chunk.name for chunk in chunks if chunk.is_unchanged(old, sizes)]
-        unchanged = {name: sizes.get(name) for name in unchanged_names}
+        # Undamaged, or absent because they are empty.
+        unchanged = {
+            chunk.name: sizes.get(chunk.name)
+            for chunk in chunks
+            if chunk.known and old.allows(chunk.name, sizes.get(chunk.name))
+        }
         new_chunks = [chunk for chunk in chunks if chunk.name not in unchanged]
         new_names = [chunk.name for chunk in new_chunks]
         intent = replace(old, coming=new_names)
@@ -203,10 +206,6 @@ class Chunk:
     digest: str
     known: bool
 
-    def is_unchanged(self, old: Manifest, sizes: Mapping[str, int]) -> bool:
-        """Return whether the store has the chunk undamaged, or needs none because it is empty."""
-        return self.known and old.allows(self.name, sizes.get(self.name))
-
 
 def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     """Return the key space and the chunks of an array.
@@ -218,7 +217,7 @@ def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     if not digests.items() <= {(index, digest) for index, _, digest in chunks}:
         space, digests = next(prefix for prefix in KEY_PREFIXES if prefix != space), {}
     return space, [
-        Chunk(chunk_name(path, space, index), index, array, region, digest, index in digests)
+        Chunk(f"{path}/{space}{index}", index, array, region, digest, index in digests)
         for index, region, digest in chunks
     ]
 
