@@ -9,13 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from sweeps.engine.declare.settings import Setting
 
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
@@ -80,8 +77,8 @@ class Kind:
         return ()
 
     @property
-    def entries(self) -> tuple[Setting, ...]:
-        """Settings of a mapping that may be one of the values, for `read_entries`."""
+    def entries(self) -> tuple[Any, ...]:
+        """Each `Setting` of a mapping that may be one of the values, for `read_entries`."""
         return ()
 
     def coordinates(

@@ -83,17 +83,12 @@ def write_store(
             for name, group in groups.items()
             for inner, array in group.arrays.items()
         }
-        layouts = {path: _lay_out(path, array, old) for path, array in arrays.items()}
+        layouts = {path: _lay_out(path, array, old, sizes) for path, array in arrays.items()}
         array_metadata = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
         nodes = _make_nodes(groups, array_metadata, attributes, shared)
         chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
-        # Undamaged, or absent because they are empty.
-        unchanged = {
-            chunk.name: sizes.get(chunk.name)
-            for chunk in chunks
-            if chunk.known and old.allows(chunk.name, sizes.get(chunk.name))
-        }
-        new_chunks = [chunk for chunk in chunks if chunk.name not in unchanged]
+        unchanged = {chunk.name: sizes.get(chunk.name) for chunk in chunks if chunk.is_stored}
+        new_chunks = [chunk for chunk in chunks if not chunk.is_stored]
         new_names = [chunk.name for chunk in new_chunks]
         intent = replace(old, coming=new_names)
         try:
@@ -197,17 +192,22 @@ def zarr_store(path: PathOrUrl) -> Any:
 
 @dataclass(frozen=True)
 class Chunk:
-    """A chunk of an array; `known` if the store had a chunk of this name with equal cells."""
+    """A chunk of an array.
+
+    It `is_stored` if the store has it with equal cells, undamaged or absent because it is empty.
+    """
 
     name: str
     index: str
     array: Array
     region: Region
     digest: str
-    known: bool
+    is_stored: bool
 
 
-def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
+def _lay_out(
+    path: str, array: Array, old: Manifest, sizes: Mapping[str, int]
+) -> tuple[str, list[Chunk]]:
     """Return the key space and the chunks of an array.
 
     If they include all chunks of the old array, these keep their names.
@@ -216,8 +216,10 @@ def _lay_out(path: str, array: Array, old: Manifest) -> tuple[str, list[Chunk]]:
     space, digests = old.chunks.get(path, (KEY_PREFIXES[0], {}))
     if not digests.items() <= {(index, digest) for index, _, digest in chunks}:
         space, digests = next(prefix for prefix in KEY_PREFIXES if prefix != space), {}
+    names = {index: f"{path}/{space}{index}" for index, _, _ in chunks}
+    stored = {index for index in digests if old.allows(names[index], sizes.get(names[index]))}
     return space, [
-        Chunk(f"{path}/{space}{index}", index, array, region, digest, index in digests)
+        Chunk(names[index], index, array, region, digest, index in stored)
         for index, region, digest in chunks
     ]
 
