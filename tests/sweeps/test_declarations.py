@@ -108,7 +108,8 @@ def test_the_table_of_inputs_of_a_stage_is_current(monkeypatch):
     )
     units = {name: unit for names, _, unit, _ in rows() for name in re.findall(r"\w+", names)}
     expected = {"aspect": "degree", "range": "m", "pulse_width": "s", "depression": "degree"}
-    assert expected.items() <= units.items() and {"image", "mesh", "mesh_source", "rng"} <= units.keys()
+    assert expected.items() <= units.items()
+    assert {"image", "mesh", "mesh_source", "rng"} <= units.keys()
 
 
 # On the command line ------------------------------------------------------------------------

@@ -105,9 +105,8 @@ def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]
 @contextmanager
 def world_readable() -> Iterator[None]:
     """Create files that others may read, unless the umask forbids it, and never write."""
-    # Reading the mask by `os.umask` would change it while other threads make private files.
-    status = Path("/proc/self/status").read_text()
-    before = int(re.search(r"^Umask:\s*(\d+)", status, re.MULTILINE)[1], 8)  # type: ignore[index]
+    # Reading the mask sets it: to the strictest, since other threads may make private files now.
+    before = os.umask(0o077)
     os.umask(before | 0o022)
     try:
         yield
