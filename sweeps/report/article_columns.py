@@ -19,7 +19,7 @@ from sweeps.engine.declare.kinds import Draws
 from sweeps.engine.declare.settings import Settings, flatten
 from sweeps.report.words import is_missing
 from sweeps.stages.acn import Network
-from sweeps.stages.classifier import Classifier, RandomAspects
+from sweeps.stages.classifier import Classifier, RandomAspects, draw_aspects
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import CORNER, Ladar
 from sweeps.stages.mnn import Mnn
@@ -150,14 +150,14 @@ def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:
     )
     aspects = set(Grid.aspect.values(configured.get(Grid.aspect.key, Grid.aspect.default)))
     article_aspects = set(Grid.aspect.values(Grid.aspect.default))
-    drawn = configured.get(
-        RandomAspects.random_aspects.key, RandomAspects.random_aspects.default
-    )  # tested apart from the others
+    # Random aspects are tested apart from the others.
+    number = configured.get(RandomAspects.random_aspects.key, RandomAspects.random_aspects.default)
+    drawn = draw_aspects(min(aspects), max(aspects), number, attributes.get("seed", 0))
     return (
         part.attrs.get("views")
         in (None, len(_packaged_digests()) * len(article_aspects))  # fewer if some failed
-        and article_aspects <= aspects
-        and len(aspects) == len(article_aspects) + drawn
+        and aspects == article_aspects | set(drawn)
+        and not attributes.get("mesh_transforms")
         and sorted(attributes.get("mesh_digests", {}).values()) == sorted(_packaged_digests())
     )
 

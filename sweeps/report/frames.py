@@ -279,7 +279,8 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     column_names = {
         column.axis: name for name, column in columns.items() if column.role in ("axis", "along")
     }
-    views = {"views": int(table.view_count.max())} if "view_count" in table else {}
+    counts = next((table[name] for name in ("view_count", "views") if name in table), None)
+    views = {} if counts is None else {"views": int(counts.max())}
     variables = {name: variable for name, (variable, _) in figure_columns.items()}
     dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
     return Frame(
