@@ -36,12 +36,12 @@ from sweeps.stages.views import Render, image
 
 STEP = 3.0  # between templates [deg]
 ASPECTS = tuple(np.arange(0.0, 90.1, STEP).tolist())
-BETWEEN = tuple(np.arange(STEP / 2, 90.0, STEP).tolist())
+TEST_ASPECTS = tuple(np.arange(STEP / 2, 90.0, STEP).tolist())
 REFERENCES = tuple(np.arange(0.0, 90.1, 15.0).tolist())  # views of the polygon clipper [deg]
-FINE = 1 / 16  # distance of the lines that stand for the truth [m]
+FINE_SPACING = 1 / 16  # distance of the lines that stand for the truth [m]
 FINER_BINS = 9  # for one of 1 m; odd, so that one of them has the same centre
 REPLICATES = 8
-GROUPS = ("0-27", "30-57", "60-90")
+ASPECT_BINS = ("0-27", "30-57", "60-90")
 
 Floats = NDArray[np.float64]
 Seen = Callable[[str, float], RangeExtent]
@@ -66,7 +66,7 @@ class Views:
 
     ships: tuple[str, ...] = SHIPS
     aspects: tuple[float, ...] = ASPECTS
-    between: tuple[float, ...] = BETWEEN
+    between: tuple[float, ...] = TEST_ASPECTS
     references: tuple[float, ...] = REFERENCES
     replicates: int = REPLICATES
     _kept: dict[Any, Any] = field(default_factory=dict, repr=False)
@@ -142,7 +142,7 @@ def _fine_extent(
 ) -> RangeExtent:
     """Return the extent by fine lines of a view from some range."""
     lines = line_image(
-        mesh, aspect=aspect, depression=DEPRESSION, spacing=FINE, slant_range=view_range
+        mesh, aspect=aspect, depression=DEPRESSION, spacing=FINE_SPACING, slant_range=view_range
     )
     return range_extent(
         lines, slant_range=slant_range, ifov=15.0 / slant_range, bin_width=bin_width
@@ -249,7 +249,7 @@ def _measure(views: Views) -> Report:
     best = views.percent_right(true_extent, views.averages)
     rows = _rows(views, best)
     percent = ", ".join(
-        f"{group}°: {mean:.1f}" for group, mean in zip(GROUPS, best.mean(axis=0), strict=False)
+        f"{group}°: {mean:.1f}" for group, mean in zip(ASPECT_BINS, best.mean(axis=0), strict=False)
     )
     return Report(
         f"Error budget: {', '.join(views.ships)}; 100 km, 30 ns, {FRAMES} frames",
@@ -257,7 +257,7 @@ def _measure(views: Views) -> Report:
             Column("source", "source"),
             Column("setting", "default"),
             Column("error", "profile error [%]", ".3g"),
-            *(Column(group, f"{group}° [points]") for group in GROUPS),
+            *(Column(group, f"{group}° [points]") for group in ASPECT_BINS),
             Column("how", "measured"),
         ),
         rows,
@@ -356,7 +356,7 @@ def _source_row(
     spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
     points = {
         group: f"{mean:+.1f} ± {2 * sigma:.1f}"
-        for group, mean, sigma in zip(GROUPS, change.mean(axis=0), spread, strict=False)
+        for group, mean, sigma in zip(ASPECT_BINS, change.mean(axis=0), spread, strict=False)
     }
     return {"source": name, "setting": setting, "error": error, "how": method} | points
 
@@ -389,7 +389,7 @@ def _draw_row(views: Views, best: Floats) -> dict[str, Any]:
         "error": Sample.of(errors),
         "how": "noise of an average, of amplitudes above the floor, in closed form (mean "
         "deviation); names: standard deviation of one draw",
-    } | {group: f"± {sigma:.1f}" for group, sigma in zip(GROUPS, deviation, strict=False)}
+    } | {group: f"± {sigma:.1f}" for group, sigma in zip(ASPECT_BINS, deviation, strict=False)}
 
 
 def _neighbour_distance(views: Views) -> Sample:

@@ -445,8 +445,8 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
 
 
 UNKNOWN_SHIPS = ("connole", "roberts")
-DENSE = (0.5, 1.5, 3)  # spacings of templates [deg]
-REJECTED = 0.9  # of answers to unknown ships
+TEMPLATE_SPACINGS = (0.5, 1.5, 3)  # spacings of templates [deg]
+REJECTED_SHARE = 0.9  # of answers to unknown ships
 
 
 def open_set(
@@ -456,7 +456,9 @@ def open_set(
 
     Ships of the alternative are not tested.
     """
-    answers = classified.isel(aspect=~multiples_mask(classified.aspect.values, DENSE[0]))
+    answers = classified.isel(
+        aspect=~multiples_mask(classified.aspect.values, TEMPLATE_SPACINGS[0])
+    )
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
     known = ~np.isin(answers.ship.values, strangers)
     arrays = {
@@ -466,7 +468,7 @@ def open_set(
     similarity, right = (array.transpose("ship", ...).values for array in arrays.values())
     learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)
     scores = open_set_scores(similarity, right, learned)
-    limit = np.quantile(similarity[~learned], REJECTED, method="inverted_cdf")
+    limit = np.quantile(similarity[~learned], REJECTED_SHARE, method="inverted_cdf")
     retained = 100 * float((right & (similarity > limit))[learned].mean())
     return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": retained}
 
@@ -487,7 +489,7 @@ def unknown_rejection(
         ("ACN, cosine, 3°", "acn", looked_up, {}),
         ("correlation, cosine, 3°", "correlation", looked_up, {}),
     ]
-    spacings_tried = tuple(reversed(DENSE))
+    spacings_tried = tuple(reversed(TEMPLATE_SPACINGS))
     for label, answers, weight, spacings in (
         ("posterior probability", likely, 0.0, spacings_tried),
         ("posterior probability and fit", likely, 0.01, spacings_tried),

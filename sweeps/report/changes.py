@@ -11,17 +11,17 @@ import pandas as pd
 
 from ncti.ships.errors import printable
 from sweeps.report.answer import thin_lines
-from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
-from sweeps.report.contest import SHIP, is_test, main_axis
+from sweeps.report.compare import FIRST_STORE, NAME, SECOND_STORE, STORE, Comparison
 from sweeps.report.frames import Column, Frame
 from sweeps.report.page.provenance import iter_settings, values_in_words
 from sweeps.report.pairs import LEVEL
-from sweeps.report.pivot import Entry, Line, Table, make_entry
-from sweeps.report.stores import attributes, opened
+from sweeps.report.pivot import Entry, Line, TextTable, make_entry
+from sweeps.report.ranking import SHIP, is_test, main_axis
+from sweeps.report.stores import attributes, open_store
 from sweeps.report.words import OVERALL, is_missing
 
 MAX_LINES, MAX_LISTED = 10, 3
-ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
+RUN_ATTRIBUTES = ("seed", "version")  # attributes of a store that its results may depend on
 
 
 def change_sentences(compared: Comparison) -> list[str]:
@@ -37,7 +37,7 @@ def change_sentences(compared: Comparison) -> list[str]:
     setting = _row_setting(frame, row)
     suffix = f", at {setting}" if setting else ""
     subject = ", ".join(_row_names(frame, row)) or column.words
-    before, after = (_end_text(frame, row, end) for end in (FIRST, SECOND))
+    before, after = (_end_text(frame, row, end) for end in (FIRST_STORE, SECOND_STORE))
     course = f"from {before} in {first} to {after} in {store}"
     if not is_missing(row[figure]):
         changed = _with_signed_interval(make_entry(frame, label, figure))
@@ -66,7 +66,7 @@ def change_sentences(compared: Comparison) -> list[str]:
     ]
 
 
-def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
+def change_table(compared: Comparison, swept: Sequence[str]) -> TextTable:
     """Return a table of the largest changes along an axis, at most ten lines.
 
     For two stores it has both figures and their difference. For more stores it has only the
@@ -103,7 +103,10 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
         if two:
             row = key_rows.iloc[0]
             cells = [
-                *(Entry(_end_text(frame, row, end, unit=False)) for end in (FIRST, SECOND)),
+                *(
+                    Entry(_end_text(frame, row, end, unit=False))
+                    for end in (FIRST_STORE, SECOND_STORE)
+                ),
                 *cells,
             ]
         text = down.text(key) if axis else str(key)
@@ -114,7 +117,7 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
     subtitle = [*_row_names(frame, largest), _row_setting(frame, largest, but=axis)] if axis else []
     heads = (*compared.names, "difference") if two else compared.names[1:]
     fewer = f"{len(lines)} of {count} lines." if count > len(lines) else ""
-    return Table(
+    return TextTable(
         frame.name,
         ", ".join(filter(None, [title, *subtitle])),
         (down,),
@@ -126,9 +129,10 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
 
 def settings_that_differ(compared: Comparison) -> list[tuple[str, list[str]]]:
     """Return the settings that differ between stores: keys, and each store's value in words."""
-    all_attrs = [attributes(opened(path)) for path in compared.paths]
+    all_attrs = [attributes(open_store(path)) for path in compared.paths]
     configurations: list[Mapping[str, Any]] = [
-        dict(iter_settings(attrs.get("configuration", {}))) | {key: attrs.get(key) for key in ABOUT}
+        dict(iter_settings(attrs.get("configuration", {})))
+        | {key: attrs.get(key) for key in RUN_ATTRIBUTES}
         for attrs in all_attrs
     ]
     keys = dict.fromkeys(key for settings in configurations for key in settings)
@@ -144,8 +148,8 @@ def settings_sentence(compared: Comparison) -> str:
     settings, ships = list[str](), ships_that_differ(compared)
     for key, values in settings_that_differ(compared):
         by_store = zip(values, compared.names, strict=True)
-        *most, last = (f"{value} in {name}" for value, name in by_store)
-        settings.append(f"{key} {', '.join(most)} and {last}")
+        *former, last = (f"{value} in {name}" for value, name in by_store)
+        settings.append(f"{key} {', '.join(former)} and {last}")
     sentence = (
         f"Settings that differ: {_abbreviate(settings)}."
         if settings
@@ -157,7 +161,7 @@ def settings_sentence(compared: Comparison) -> str:
 def ships_that_differ(compared: Comparison) -> list[str]:
     """Return the names of ships whose meshes or transforms differ between stores."""
     meshes: dict[str, set[tuple[str, str]]] = {}
-    for attrs in (attributes(opened(path)) for path in compared.paths):
+    for attrs in (attributes(open_store(path)) for path in compared.paths):
         transforms = attrs.get("mesh_transforms", {})
         for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
@@ -185,7 +189,7 @@ def _setting_text(value: Any) -> str:
 
 def _overall_rows(frame: Frame) -> pd.DataFrame:
     """Return the rows of differences over all aspects, of tests where there are any."""
-    ends = [_end_column(frame, end) for end in (FIRST, SECOND)]
+    ends = [_end_column(frame, end) for end in (FIRST_STORE, SECOND_STORE)]
     rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
     if frame.where(rows.index).has_overall:
         rows = rows[rows[frame.across] == OVERALL]

@@ -14,7 +14,7 @@ from sweeps.report.frames import PART, Frame
 from sweeps.report.outputs import tables_folder, write_own_files
 from sweeps.report.words import is_missing
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
+FORMULA_PREFIXES = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 
 
 def write_tables(store: PathOrUrl, frames: Iterable[Frame]) -> list[Path]:
@@ -51,7 +51,7 @@ def round_number(value: float, digits: int) -> float:
 
 def neutralise_formula(value: Any) -> Any:
     """Return a cell with an apostrophe before a text that a spreadsheet would run as a formula."""
-    if not isinstance(value, str) or is_missing(value) or not value.startswith(FORMULA):
+    if not isinstance(value, str) or is_missing(value) or not value.startswith(FORMULA_PREFIXES):
         return value
     with suppress(ValueError):
         float(value)

@@ -8,14 +8,14 @@ from typing import Literal
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.table import Table as Grid
+from rich.table import Table
 
-from sweeps.report.pivot import Entry, Line, Table
+from sweeps.report.pivot import Entry, Line, TextTable
 from sweeps.report.screen import plain_text, print_note
 
 GAP = 2  # blanks between columns
 MAX_LABEL_WIDTH, MAX_FIGURE_WIDTH, MIN_WIDTH = 26, 40, 4  # of a column, in characters
-FOLDED = 16  # of a single column of labels that folds, so that all figures fit
+FOLDED_WIDTH = 16  # of a single column of labels that folds, so that all figures fit
 MAX_ROWS = 60  # rows of a table; its file has all
 
 
@@ -28,7 +28,7 @@ class _Column:
     right: bool = False
 
 
-def print_table(table: Table, console: Console, *, max_rows: int | None = MAX_ROWS) -> None:
+def print_table(table: TextTable, console: Console, *, max_rows: int | None = MAX_ROWS) -> None:
     """Print a table and its notes, no wider than the console.
 
     Axes that do not fit as columns of labels become headings of sections, and figures that do not
@@ -67,14 +67,14 @@ def print_table(table: Table, console: Console, *, max_rows: int | None = MAX_RO
         print_note(text, console)
 
 
-def count_fitting_columns(table: Table, width: int) -> int:
+def count_fitting_columns(table: TextTable, width: int) -> int:
     """Return the number of a table's columns of figures that fit in a width beside its labels."""
     labels, figures = _make_columns(table, table.lines)
     beside = _fitting_labels(labels, figures, width)
     return len(next(_iter_shares(figures, width - _total_width(beside) - GAP)))
 
 
-def _make_columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
+def _make_columns(table: TextTable, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
     """Return the columns of labels and of figures, for some rows of a table."""
     labels = [
         _make_column(column.heading, [line.keys[k] for line in lines], MAX_LABEL_WIDTH)
@@ -114,15 +114,15 @@ def _fitting_labels(
     As many as leave space for all figures, or at least for the widest; the last one may fold.
     """
     widest = max((figure.width for figure in figures), default=0)
-    last = min(_total_width(labels[-1:]), FOLDED)
-    needed = GAP + (
+    last = min(_total_width(labels[-1:]), FOLDED_WIDTH)
+    figures_width = GAP + (
         _total_width(figures) if last + GAP + _total_width(figures) <= width else widest
     )
     beside = labels
-    while len(beside) > 1 and _total_width(beside) + needed > width:
+    while len(beside) > 1 and _total_width(beside) + figures_width > width:
         beside = beside[1:]
     if len(beside) == 1:
-        available = width - needed
+        available = width - figures_width
         beside = [replace(beside[0], width=max(min(beside[0].width, available), MIN_WIDTH))]
     return beside
 
@@ -140,7 +140,7 @@ def _print_row(
     vertical: Literal["top", "bottom"] = "top",
 ) -> None:
     """Print texts beside each other, folded at blanks; only a longer word is broken."""
-    grid = Grid.grid(padding=(0, GAP, 0, 0), pad_edge=False)
+    grid = Table.grid(padding=(0, GAP, 0, 0), pad_edge=False)
     for column in columns:
         justify: Literal["left", "right"] = "right" if column.right else "left"
         grid.add_column(width=column.width, justify=justify, vertical=vertical)

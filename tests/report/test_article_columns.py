@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 from commands import chosen
-from made import SOURCE, categories, scores, shown
+from made import SOURCE, categories, displayed, scores
 from pages import stored
 
 from ncti.article import article_figures
@@ -21,7 +21,7 @@ BINS = ("0-27", "30-57", "60-90", "overall")
 
 def found(tmp_path, attributes=SOURCE, **more):
     table = scores(prefixes=("", "training_"), bins=BINS, **AXES, frame_count=[4, 16], **more)
-    path = stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))
+    path = stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))
     return read_frames(path)["scores"].rows
 
 
@@ -66,7 +66,7 @@ def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
             attributes["configuration"].setdefault(key, {}).update(value)
     if "range" in more:
         table = scores(prefixes=("",), bins=BINS, **(AXES | more), frame_count=[4, 16])
-        path = stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))
+        path = stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))
         rows = read_frames(path)["scores"].rows
     else:
         rows = found(tmp_path, attributes, **more)
@@ -109,8 +109,8 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
     ours = scores(2, bins=BINS, **axes)
     path = stored(
         tmp_path / "s.zarr",
-        tables__likelihood=shown(bound, "likelihood"),
-        tables__acn=shown(ours),
+        tables__likelihood=displayed(bound, "likelihood"),
+        tables__acn=displayed(ours),
     )
     rows = read_frames(path)["scores"].rows
     acn = rows[rows.classifier == "acn"]

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 import xarray as xr
-from made import categories, scores, shown
+from made import categories, displayed, scores
 from pages import read_page, stored
 from scipy import stats
 from stores import contents, reported, signed
@@ -21,7 +21,7 @@ ASPECTS = np.arange(0.0, 60.0, 3.0)
 
 def store(path, right, aspects=ASPECTS, **swept):
     """A store of the answers of one classifier, (..., ship, aspect), and its table."""
-    shown(scores(bins=("0-27", "30-57", "overall"), **swept)).to_zarr(
+    displayed(scores(bins=("0-27", "30-57", "overall"), **swept)).to_zarr(
         path, group="tables/acn", consolidated=False
     )
     dims = (*(name for name, values in swept.items() if isinstance(values, list)), "ship", "aspect")
@@ -112,7 +112,9 @@ def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, 
     for path, right in zip(paths, answers[0], strict=True):
         coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
         learned = xr.Dataset({"training_correct": (("ship", "aspect"), right.astype("i1"))}, coords)
-        stored(path, classification__acn=learned, tables__acn=shown(scores(prefixes=["training_"])))
+        stored(
+            path, classification__acn=learned, tables__acn=displayed(scores(prefixes=["training_"]))
+        )
     sentence, equal = change_sentences(compare(*paths))
     assert "changed most" in sentence
     assert equal == "All answers of tests are equal; only those at learned aspects changed."
@@ -309,7 +311,7 @@ def test_classifiers_that_do_not_differ_are_left_out(answers, tmp_path):
             {"ship": ["duncan", "texas"], "aspect": ASPECTS},
         )
         table = xr.Dataset({"length": ("size", [1.0, 2.0])}, {"size": [1.0, 2.0]})
-        tables = {"tables__mnn": shown(scores(), "mnn"), "tables__same": table}
+        tables = {"tables__mnn": displayed(scores(), "mnn"), "tables__same": table}
         stored(path, classification__mnn=equal, **tables)
     compared = compare(*paths)
     assert set(compared.frames[NAME].rows.classifier) == {"acn"} and [*compared.frames] == [NAME]

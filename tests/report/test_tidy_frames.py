@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import stored
 
 from sweeps.engine.declare.errors import ConfigurationError
@@ -97,7 +97,7 @@ def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
 def test_groups_of_one_table_are_stacked_and_chance_stands_in_every_row(tmp_path):
     acn, oracle = scores(1, frame_count=[4, 16]), scores(2, cnr=[20.0, 30.0])
     path = stored(
-        tmp_path / "s.zarr", tables__acn=shown(acn), tables__oracle=shown(oracle, "oracle")
+        tmp_path / "s.zarr", tables__acn=displayed(acn), tables__oracle=displayed(oracle, "oracle")
     )
     table = read_frames(path)["scores"]
     assert set(table.rows.classifier) == {"acn", "oracle"}
@@ -126,7 +126,7 @@ def test_a_table_of_anyone_needs_no_display(tmp_path):
 
 
 def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
-    path = stored(tmp_path / "s.zarr", tables__acn=shown(scores(frame_count=[4])))
+    path = stored(tmp_path / "s.zarr", tables__acn=displayed(scores(frame_count=[4])))
     with pytest.raises(ConfigurationError, match=r"'speed', but must be one of scores"):
         frame(path, "speed")
     with pytest.raises(ConfigurationError, match=r"which does not exist$"):

@@ -18,9 +18,9 @@ from sweeps.engine.store.arrays import METADATA
 from sweeps.report import explain
 from sweeps.report.frames import Frame
 from sweeps.report.outputs import (
-    BEGINNING,
-    PAGE,
-    UNKNOWN,
+    HEAD_BYTES,
+    NO_DIGEST,
+    PAGE_META,
     is_free,
     page_file,
     seal_page,
@@ -55,7 +55,7 @@ def is_current(store: PathOrUrl) -> bool:
     """Return whether the page beside a store was made from it by this code."""
     try:
         with page_file(store).open(encoding="utf-8") as file:
-            return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(BEGINNING)
+            return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(HEAD_BYTES)
     except (OSError, UnicodeDecodeError):
         return False
 
@@ -123,8 +123,8 @@ def render_template(template: str, content: Mapping[str, Any], stamp: str = "") 
     return environment.get_template(template).render(
         content,
         stamp=stamp,
-        own=PAGE,
-        digest=UNKNOWN,
+        own=PAGE_META,
+        digest=NO_DIGEST,
         style=Markup(style),
         scripts=list(map(Markup, scripts)),
         policy=_security_policy([style], scripts),

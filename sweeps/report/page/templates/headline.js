@@ -6,14 +6,14 @@ const headlineOf = (about, table, kept, axis, bin) => {
   const valid = kept.map((_, k) => k).filter((k) => kept[k] && rows[figure][k] !== null
     && (!table.across || rows[table.across][k] === bin) && !about.untested.includes(rows.kind?.[k]));
   const ships = valid.filter((k) => rows.scored?.[k] === "ship");
-  const rivals = new Map();
+  const groups = new Map();
   for (const k of ships.length ? ships : valid) {
     const name = table.series.map((column) => rows[column][k]).join("\n");
-    rivals.set(name, [...(rivals.get(name) ?? []), k]);
+    groups.set(name, [...(groups.get(name) ?? []), k]);
   }
   const place = (value) => (about.simplest.includes(value) ? about.simplest.indexOf(value) : about.simplest.length);
   const order = (a, b) => a.map((rank, k) => rank - b[k]).find((difference) => difference) ?? 0;
-  const candidates = [...rivals.values()].map((all) => {
+  const candidates = [...groups.values()].map((all) => {
     const measured = along ? all.filter((k) => rows[along][k] !== null) : [];
     const axis = measured.length ? along : "";
     const indices = axis ? measured.filter((k, number) => measured.findIndex((first) => rows[axis][first] === rows[axis][k]) === number) : all.slice(0, 1);
@@ -47,7 +47,7 @@ const headlineOf = (about, table, kept, axis, bin) => {
   const conditions = settings.map((name) => inWords(name, rows[name][first]));
   if (table.across && bin !== about.overall) conditions.push(`aspect ${bin}°`);
   const channel = rows.channel[first], name = `${table.words.classifier[rows.classifier[first]]} on ${about.by[channel] ?? channel}`;
-  const start = rivals.size > 1 ? `Best of ${rivals.size}: ${name}` : name[0].toUpperCase() + name.slice(1);
+  const start = groups.size > 1 ? `Best of ${groups.size}: ${name}` : name[0].toUpperCase() + name.slice(1);
   const level = chance && rows[chance][first] !== null ? `; chance ${whole(rows[chance][first])} %.` : ".";
   const ranking = shared.length === values.size ? ""
     : shared.length ? ` Ranked by ${shared.length} of ${values.size} values of ${about.axes[along][0]}, ${shared.length > 1 ? "those" : "the one"} that all have.`
