@@ -130,7 +130,6 @@ def epochs_to_tolerance(task: Task, states: int = RANDOM_STATES) -> tuple[Floats
 
 def annealing(task: Task | None = None, states: int = RANDOM_STATES) -> list[tuple[str, str, str]]:
     """Compare the epochs that training takes with annealing of the gains and without."""
-    # Imported here because scipy takes a second.
     from scipy import stats
 
     annealed, constant = epochs_to_tolerance(source_task() if task is None else task, states)

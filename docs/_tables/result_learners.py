@@ -52,7 +52,6 @@ def forest_answers(
     It learns the raw averages of all draws of the noise at some aspects; answers there
     are -1.
     """
-    # Imported here because scikit-learn takes a second.
     from sklearn.ensemble import RandomForestClassifier
 
     views = ("replicate", "ship", "aspect")

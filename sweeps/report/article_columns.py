@@ -193,8 +193,9 @@ def _add_total_frames(frame: Frame) -> Frame:
 def _add_bound(frame: Frame) -> Frame:
     """Return scores with their distance from maximum likelihood, the best classifier possible.
 
-    The bound knows mean and covariance of every view exactly, and of the gain the least that was
-    swept; the true aspect is left out if the row's classifier leaves it out.
+    The bound knows mean and covariance of every view exactly. It uses the largest swept
+    `gain_sigma`, that is, the weakest prior on the gain. It leaves the true aspect out of training
+    where the row's classifier does.
     """
     rows, figure = frame.rows, "percent_correct"
     if frame.name != "scores" or not {*BOUND_COLUMNS} <= set(rows):

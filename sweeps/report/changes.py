@@ -47,7 +47,7 @@ def change_sentences(compared: Comparison) -> list[str]:
         table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
             f"Of {table}, {subject} changed most{suffix}: {course}.",
-            "Without intervals it is not known whether chance alone would do so.",
+            "This table has no intervals, so significance is unknown.",
         ]
     begin = subject[0].upper() + subject[1:]
     if row[figure] == 0:

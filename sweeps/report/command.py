@@ -40,7 +40,6 @@ def script() -> NoReturn:
 
 def _run(arguments: argparse.Namespace) -> int:
     """Print and write the requested tables; return the exit status."""
-    # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.declare.errors import ConfigurationError
     from sweeps.engine.run.process import say
     from sweeps.report.outputs import blocked_sentence

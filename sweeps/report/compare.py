@@ -47,7 +47,7 @@ DISPLAY = Display(
     ),
     rows=(STORE, "classifier", "channel", "scored", "aspects"),
     columns="aspect_bin",
-    notes=("Of the views that both have, with 95 % intervals of paired answers.",),
+    notes=("Computed on views present in both stores; 95 % intervals of paired differences.",),
 )
 
 

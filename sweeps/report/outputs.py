@@ -2,7 +2,6 @@
 
 Only files that a report wrote are replaced or removed, if unchanged. The folder of tables has a
 list of them with their digests, as of `sha256sum`. A page contains the digest of the rest of it.
-Imports nothing that takes long.
 """
 
 from __future__ import annotations

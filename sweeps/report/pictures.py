@@ -55,7 +55,7 @@ SHIP_COLOURS = ("#34485c", "#b2cade")
 
 def draw_profiles(store: PathOrUrl) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
-    from matplotlib.figure import Figure  # here, since it takes long to import
+    from matplotlib.figure import Figure
 
     profiles = read_group(open_store(store), "range_profile")[["expected", "averaged"]]
     dims = ("ship", "aspect", "frame_count", "down_range")
@@ -216,7 +216,6 @@ def draw_flights(
     returns the mesh of a label, instead of the known ship of that name. Raises ValueError if the
     store has no flights, or its ships are unknown.
     """
-    # Imported here, since only flights need it and it is slow to import.
     from sweeps.report.flights import (
         correction_stages,
         draw_stages,

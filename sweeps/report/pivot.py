@@ -143,14 +143,13 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
     notes = [*frame.notes, *frame.joint, chance_in_words(frame)]
     if frame.columns_of_role("low") and frame.has_overall:
         notes.append(
-            "An interval of the whole takes in how much bins differ, and may be the widest."
+            "The overall interval includes the variation between aspect bins, so it may be wider "
+            "than theirs."
         )
     numbers = frame.rows["n"].dropna() if "n" in frame.rows else ()
     min_answers = min((number for number in numbers if number > 0), default=FEW_ANSWERS)
     if min_answers < FEW_ANSWERS:
-        notes.append(
-            f"Where answers are few (n = {min_answers:.0f} at the least), intervals are wide."
-        )
+        notes.append(f"Where answers are few (minimum n = {min_answers:.0f}), intervals are wide.")
     return tuple(note for note in notes if note)
 
 

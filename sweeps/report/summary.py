@@ -146,7 +146,6 @@ def write_store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]
 
     Raises ConfigurationError if it cannot be written.
     """
-    # Imported here, since the import takes longer than printing tables.
     from sweeps.report.page.write import store_page, write_page
 
     with _page_errors():

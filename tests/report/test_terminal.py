@@ -82,12 +82,12 @@ def test_nothing_is_read_as_markup_and_chance_is_said():
 
 def test_wide_intervals_have_a_word_why():
     table = scores(size=[1.0, 2.0])
-    assert "how much bins differ" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
+    assert "variation between aspect bins" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
     for n in (29, 30):
         table.n[:] = n
-        assert (f"few (n = {n}" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)) == (
-            n < 30
-        )
+        assert (
+            f"few (minimum n = {n})" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
+        ) == (n < 30)
 
 
 def test_infinity_is_printed_in_the_words_of_its_variable():

@@ -79,7 +79,6 @@ def _code_digest() -> str:
 
 def store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
     """Return the page of a store with its tables, not yet sealed."""
-    # Imported here, since a page that is current needs none of it.
     from sweeps.report.page.content import store_content
 
     return render_template("page.html", store_content(path, frames), _stamp(path))
