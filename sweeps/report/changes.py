@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.report.answer import thin_lines
 from sweeps.report.compare import FIRST_STORE, NAME, SECOND_STORE, STORE, Comparison
 from sweeps.report.frames import Column, Frame

@@ -12,11 +12,10 @@ import pandas as pd
 import xarray as xr
 
 from ncti.evaluate.answers import DRAWS
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.store.writing import PARTIAL
-from sweeps.report.article_columns import add_comparisons
 from sweeps.report.stores import (
     ARRAY_DIMS,
     attributes,
@@ -227,9 +226,11 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
                 part = tidy_frame(table, display, group)
                 if part is not None:
                     parts.setdefault(display.name, []).append(part)
-        frames = {
-            name: add_comparisons(stack_frames(tables), attrs) for name, tables in parts.items()
-        }
+        frames = {name: stack_frames(tables) for name, tables in parts.items()}
+        if any(part.display.source for frame in frames.values() for part in frame.parts):
+            from sweeps.report.article_columns import add_comparisons
+
+            frames = {name: add_comparisons(frame, attrs) for name, frame in frames.items()}
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         raise refusal(path, error) from error

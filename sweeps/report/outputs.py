@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 
 SUFFIX = ".zarr"

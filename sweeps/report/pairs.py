@@ -16,7 +16,6 @@ from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, label_bins
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import Part
 from sweeps.report.stores import attributes, list_groups, open_store, read_group
-from sweeps.stages.classifier import draw_aspects, kinds_of_aspects
 
 ANSWERS = {
     "accuracy": "correct",
@@ -119,6 +118,8 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
 
     1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds present.
     """
+    from sweeps.stages.classifier import draw_aspects, kinds_of_aspects
+
     store = open_store(path)
     group = part.group.replace("tables/", "classification/", 1)
     answers = read_group(store, group)[ANSWERS[part.display.figures[0].variable]].load()

@@ -11,7 +11,7 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.run.process import guarded_stdout
 
 PIPE_WIDTH = 80  # cells of a line where there is no terminal

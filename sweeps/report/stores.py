@@ -11,7 +11,7 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path

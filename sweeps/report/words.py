@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 
 NOTHING = "–"  # for a missing figure
 FILE_UNITS = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}

@@ -1,6 +1,8 @@
 """Frames: every figure of every table is the number of the store at its place, and labelled."""
 
 import math
+import subprocess
+import sys
 from functools import cache
 
 import numpy as np
@@ -11,9 +13,10 @@ from made import displayed, scores
 from pages import stored
 
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.experiment import EXPERIMENT
 from sweeps.report.files import csv_of
 from sweeps.report.frames import PART, frame, read_frames
-from sweeps.report.words import is_missing
+from sweeps.report.words import MAIN, is_missing
 
 
 @cache
@@ -131,3 +134,25 @@ def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
         frame(path, "speed")
     with pytest.raises(ConfigurationError, match=r"which does not exist$"):
         frame(tmp_path / "absent.zarr", "scores")
+
+
+def test_tables_of_other_experiments_are_read_without_the_stages(tmp_path):
+    path = stored(tmp_path / "s.zarr", tables__own=scores(a=[1, 2]))
+    code = (
+        "import sys\nfrom sweeps.report.summary import tables_of\n"
+        f"print(*tables_of({str(path)!r}), any('sweeps.stages' in name for name in sys.modules))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert result.stdout == b"own False\n"
+
+
+def test_preferred_values_are_declared_defaults():
+    defaults = {}
+    for setting in EXPERIMENT.declared:
+        default = setting.default
+        defaults.setdefault(setting.name, []).extend(
+            default if type(default) is list else [default]
+        )
+    other = {"aspect", "kind"}  # of another meaning in a table
+    for name in MAIN.keys() & defaults.keys() - other:
+        assert MAIN[name] in defaults[name], name

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.changes import change_sentences, settings_sentence, settings_that_differ
 from sweeps.report.compare import Comparison

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 import zarr
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.stage import STATUS
 from sweeps.report.frames import Frame
 from sweeps.report.stores import attributes, failed_cells, list_groups, read_group

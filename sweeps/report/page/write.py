@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sweeps.report
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
