@@ -17,7 +17,7 @@ from sweeps.report.pivot import (
     title_with_unit,
 )
 from sweeps.report.ranking import Candidate, main_axis, rank_candidates
-from sweeps.report.terminal import count_fitting_columns
+from sweeps.report.terminal import count_fitting_columns, entry_text
 from sweeps.report.words import OVERALL
 
 MAX_ROWS, MAX_COLUMNS, MAX_WIDTH = 12, 6, 80
@@ -84,7 +84,11 @@ def _axis_table(frame: Frame, axis: str, candidates: Sequence[Candidate]) -> Tex
         )
         for value in values
     ]
-    independent = [f"{c.name} {_candidate_text(frame, c)}" for c in candidates if not c.axis]
+    independent = [
+        f"{c.name} {entry_text(make_entry(frame, c.frame.rows.index[0], frame.figures[0]))}"
+        for c in candidates
+        if not c.axis
+    ]
     notes = [f"Whatever the {column.words}: {'; '.join(independent)}."] if independent else []
     title, heads = title_with_unit(frame), tuple(candidate.name for candidate in along)
     return TextTable(frame.name, title, (column,), heads, tuple(lines), tuple(notes))
@@ -148,9 +152,3 @@ def _narrow_table(table: TextTable, width: int) -> tuple[TextTable, str]:
     verb = "is" if omitted.startswith("1 ") else "are"
     note = f"{omitted} {verb} in {table.name}.csv." if omitted else ""
     return replace(table, heads=table.heads[:count], lines=tuple(lines)), note
-
-
-def _candidate_text(frame: Frame, candidate: Candidate) -> str:
-    """Return the main figure of a candidate with its interval."""
-    cell = make_entry(frame, candidate.frame.rows.index[0], frame.figures[0])
-    return f"{cell.text} [{cell.interval}]" if cell.interval else cell.text

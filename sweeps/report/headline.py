@@ -54,10 +54,8 @@ def accuracy_sentences(store: Any) -> list[str]:
         return []
     percent = 100 * float(np.quantile(errors, COVERAGE, method="higher"))
     unit = 10 ** (math.floor(math.log10(percent)) - 1)
-    bound_text = f"{math.ceil(percent / unit) * unit:.10g}"
-    return [
-        f"Profiles are within {bound_text} % of the exact ones ({100 * COVERAGE:.0f} % of views)."
-    ]
+    bound_text = f"{math.ceil(percent / unit) * unit:.10g} % of the exact ones"
+    return [f"Profiles are within {bound_text} ({100 * COVERAGE:.0f} % of views)."]
 
 
 def headline_for_script(
@@ -108,9 +106,8 @@ def _score_sentence(scores: Frame, candidates: Sequence[Candidate], ships: str) 
     row = frame.rows.iloc[0]
     classifier = frame.columns["classifier"].text(row.classifier)
     name = f"{classifier} on {SENSOR_WORDS.get(row.channel, row.channel)}"
-    start = (
-        f"Best of {len(candidates)}: {name}" if len(candidates) > 1 else name[0].upper() + name[1:]
-    )
+    count = len(candidates)
+    start = f"Best of {count}: {name}" if count > 1 else name[0].upper() + name[1:]
     first, *last = _end_labels(best)
     words, first_remark = _percent_text(frame, first)
     ends = f"{words} of {ships}{_position_text(best, first)}{first_remark}"
@@ -146,16 +143,11 @@ def _figure_sentence(table: Frame, candidate: Candidate) -> str:
     """Return a sentence on the main figure of any table, between the ends of its axis."""
     frame, column = candidate.frame, table.columns[table.figures[0]]
     row, numeric = frame.rows.iloc[0], pd.api.types.is_numeric_dtype(frame.rows[column.name])
-    identity = {
-        frame.columns[name].words: name for name in candidate.of if name in table.varying_axes
-    }
+    identity = [name for name in candidate.of if name in table.varying_axes]
     settings = [
-        frame.columns[n].in_words(row[n]) for n in identity.values() if not is_missing(row[n])
-    ]
-    settings += [
         frame.columns[name].in_words(row[name])
-        for name in table.varying_axes
-        if name not in (candidate.axis, *identity.values()) and not is_missing(row[name])
+        for name in dict.fromkeys([*identity, *table.varying_axes])
+        if name != candidate.axis and not is_missing(row[name])
     ]
     name = column.words[0].upper() + column.words[1:]
     ends = _end_labels(candidate)

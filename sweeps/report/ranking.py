@@ -107,21 +107,15 @@ def rank_candidates(frame: Frame, axis: str) -> list[Candidate]:
     candidates = []
     for key, rows in groups:
         identity = {name: value for name, value in zip(names, key, strict=True) if name in varying}
-        candidates.append(
-            _make_candidate(
-                main.where(rows.index), identity or dict(zip(names, key, strict=True)), axis
-            )
-        )
-    candidates = [candidate for candidate in candidates if len(candidate.frame.rows)]
+        identity = identity or dict(zip(names, key, strict=True))
+        candidates.append(_make_candidate(main.where(rows.index), identity, axis))
     if not frame.columns_of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
         leader = {
             n: preferred_value(frame.columns[n].axis, values_of(main.rows, n)) for n in varying
         }
         return sorted(candidates, key=lambda candidate: candidate.of != leader)
     candidates = _keep_shared_values(candidates)
-    return sorted(
-        candidates, key=lambda candidate: (-round(candidate.mean, 6), candidate.complexity)
-    )
+    return sorted(candidates, key=lambda one: (-round(one.mean, 6), one.complexity))
 
 
 def _keep_shared_values(candidates: Sequence[Candidate]) -> list[Candidate]:

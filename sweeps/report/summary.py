@@ -32,6 +32,7 @@ from sweeps.report.stores import (
 )
 from sweeps.report.terminal import print_table
 from sweeps.report.timings import read_timings
+from sweeps.report.words import counted
 
 
 def tables_of(path: PathOrUrl) -> dict[str, Frame]:
@@ -77,12 +78,12 @@ def report(
     """
     check_whole(path, None if html else PRINTED_GROUPS)
     frames = tables_of(path)
-    selected = None if table is None else select_table(frames, table)
-    if selected is None:
+    if table is None:
         print_answer(path, frames, console)  # first, since the page takes longer
-    blocked = write_store_page(path, frames) if html else []
-    if selected is None:
+        blocked = write_store_page(path, frames) if html else []
         return blocked + finish(path, frames, console)
+    selected = select_table(frames, table)
+    blocked = write_store_page(path, frames) if html else []
     try:
         return blocked + write_tables(path, frames.values())
     finally:
@@ -179,12 +180,12 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
     print_line("", console)
     for path, name in zip(compared.paths, compared.names, strict=True):
         if failed := failed_cells(open_store(path)):
-            number = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-            print_line(f"failed  {number} of {name}: the comparison covers the others", console)
+            cells = f"{counted(len(failed), 'cell')} of {name}"
+            print_line(f"failed  {cells}: the comparison covers the others", console)
     if not compared.frames:
         return
-    count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
-    print_line(f"tables  {relative_path(tables_folder(compared.output_path))} ({count})", console)
+    folder, files = tables_folder(compared.output_path), counted(len(compared.frames), "CSV file")
+    print_line(f"tables  {relative_path(folder)} ({files})", console)
     if html:
         print_line(f"page    {relative_path(page_file(compared.output_path))}", console)
     else:
@@ -196,12 +197,12 @@ def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console
     """Print the paths of a store, its page and its tables, and the number of failed cells."""
     print_line("", console)
     if failed := failed_cells(open_store(path)):
-        count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-        print_line(f"failed  {count}: the tables cover the others", console)
+        cells = counted(len(failed), "cell")
+        print_line(f"failed  {cells}: the tables cover the others", console)
     print_line(f"store   {relative_path(path)}", console)
     if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
         print_line(f"page    {relative_path(page_file(path))}", console)
-    count = f"{len(frames)} CSV file" + "s" * (len(frames) > 1)
-    print_line(f"tables  {relative_path(tables_folder(path))} ({count})", console)
+    files = counted(len(frames), "CSV file")
+    print_line(f"tables  {relative_path(tables_folder(path))} ({files})", console)
     table = next(iter(frames))
     print_line(f"next    ncti-report {shlex.quote(relative_path(path))} --table {table}", console)

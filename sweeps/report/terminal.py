@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Literal
 
 from rich.cells import cell_len
@@ -37,7 +38,6 @@ def print_table(table: TextTable, console: Console, *, max_rows: int | None = MA
     console.print()
     print_note(table.title, console, style="bold")
     lines = table.lines[:max_rows]
-    texts = [[entry_text(cell) for cell in line.cells] for line in lines]
     labels, figures = _make_columns(table, lines)
     beside = _fitting_labels(labels, figures, console.width)
     section_count = len(labels) - len(beside)  # axes that head sections
@@ -47,20 +47,20 @@ def print_table(table: TextTable, console: Console, *, max_rows: int | None = MA
         if number:
             print_note("(further columns of the same table)", console)
         columns = [*beside, *(figures[k] for k in share)]
-        _print_row(
-            columns, [column.head for column in columns], console, style="bold", vertical="bottom"
-        )
+        heads = [column.head for column in columns]
+        _print_rows(columns, [heads], console, style="bold", vertical="bottom")
         print_note("─" * _total_width(columns), console)
-        before: tuple[str, ...] = ()
-        for line, row in zip(lines, texts, strict=True):
-            if line.keys[:section_count] != before[:section_count]:
-                before = ()
-                pairs = zip(table.down[:section_count], line.place, strict=False)
-                words = [axis.in_words(value) for axis, value in pairs if value is not None]
-                print_note(", ".join(words), console, style="bold")
-            keys = _blank_repeated_keys(line.keys[section_count:], before[section_count:])
-            _print_row(columns, [*keys, *(row[k] for k in share)], console)
-            before = line.keys
+        for _, section in groupby(lines, key=lambda line: line.keys[:section_count]):
+            rows, before = [], tuple[str, ...]()
+            for line in section:
+                keys = line.keys[section_count:]
+                figure_texts = [entry_text(line.cells[k]) for k in share]
+                rows.append([*_blank_repeated_keys(keys, before), *figure_texts])
+                before = keys
+            pairs = zip(table.down[:section_count], line.place, strict=False)
+            words = [axis.in_words(value) for axis, value in pairs if value is not None]
+            print_note(", ".join(words), console, style="bold")
+            _print_rows(columns, rows, console)
     if len(table.lines) > len(lines):
         print_note(f"{len(table.lines) - len(lines)} more rows are in {table.name}.csv.", console)
     for text in table.notes:
@@ -131,20 +131,21 @@ def _total_width(columns: Sequence[_Column]) -> int:
     return sum(column.width for column in columns) + GAP * max(len(columns) - 1, 0)
 
 
-def _print_row(
+def _print_rows(
     columns: Sequence[_Column],
-    texts: Sequence[str],
+    rows: Sequence[Sequence[str]],
     console: Console,
     *,
     style: str = "",
     vertical: Literal["top", "bottom"] = "top",
 ) -> None:
-    """Print texts beside each other, folded at blanks; only a longer word is broken."""
+    """Print rows of texts beside each other, folded at blanks; only a longer word is broken."""
     grid = Table.grid(padding=(0, GAP, 0, 0), pad_edge=False)
     for column in columns:
         justify: Literal["left", "right"] = "right" if column.right else "left"
         grid.add_column(width=column.width, justify=justify, vertical=vertical)
-    grid.add_row(*map(plain_text, texts), style=style)
+    for row in rows:
+        grid.add_row(*map(plain_text, row), style=style)
     console.print(grid)
 
 

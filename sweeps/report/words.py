@@ -69,6 +69,11 @@ def unit_of(units: str) -> str:
     return PRINTED_UNITS.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural if need be."""
+    return f"{number:,} {noun}" + "s" * (number != 1)
+
+
 def is_missing(value: Any) -> bool:
     """Return whether a value of a frame is absent."""
     return value is None or value is pd.NA or bool(value != value)

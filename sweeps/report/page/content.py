@@ -97,7 +97,7 @@ def chart_content(
     # Rows and charts run along the axis of the headline.
     main = next(iter(frames.values()))
     ordinary = [name for name in main.varying_axes if name not in curves_of(main)]
-    numbers = swept_axes(main, swept)
+    numbers = numeric_swept_axes(main, swept)
     against = next(filter(None, [along, main_axis(main, swept), *ordinary]), "")
     second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     return {
@@ -121,7 +121,7 @@ def chart_content(
     }
 
 
-def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
+def numeric_swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
     """Return the numeric swept axes that are not down or across, by number of values."""
     varying = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
     names = [n for axis in swept for n in varying if frame.columns[n].axis == axis]
