@@ -11,7 +11,6 @@ from scipy import stats
 from stores import contents, reported, signed
 
 from ncti.evaluate import paired_difference
-from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.report.changes import change_sentences, change_table, settings_sentence
 from sweeps.report.compare import NAME, compare
 from sweeps.report.pairs import Pairs, holm
@@ -133,16 +132,6 @@ def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, caps
     assert page.data["tables"][NAME]["figures"]["difference"]["difference"]
     policy = page.root.only("meta", http_equiv="Content-Security-Policy").attrs["content"]
     assert policy.startswith("default-src 'none'")
-
-
-def test_stores_without_answers_in_common_are_refused(answers, tmp_path, monkeypatch, capsys):
-    first = store(tmp_path / "a.zarr", answers[1])
-    second = store(tmp_path / "b.zarr", answers[1], ASPECTS + 0.5)
-    with pytest.raises(ConfigurationError, match="in common"):
-        compare(first, second)
-    capsys.readouterr()  # zarr warns of texts when they are written
-    assert reported(monkeypatch, first, second) == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(answers, tmp_path):
@@ -383,6 +372,7 @@ def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path)
             ("a.zarr", "b.zarr"),
             "a value of pulse width in common, but a.zarr has 10, 30 and b.zarr has",
         ),
+        (("a.zarr", "d.zarr"), "answers to the same views in common, as a.zarr and d.zarr do not"),
         (("a.zarr", "c.zarr", "--table", "x"), "table is 'x', but must be one of differences"),
         (("a.zarr", "c.zarr", "--pictures"), "--pictures draws one store"),
         (("a.zarr", "--pictures", "c.zarr"), "--pictures draws one store"),
@@ -391,6 +381,7 @@ def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path)
 def test_mistakes_are_one_sentence(arguments, said, answers, tmp_path, monkeypatch, capsys):
     for name, widths in (("a", [10.0, 30.0]), ("b", [50.0, 60.0]), ("c", [30.0, 50.0])):
         store(tmp_path / f"{name}.zarr", answers[0], pulse_width=widths)
+    store(tmp_path / "d.zarr", answers[0], ASPECTS + 0.5, pulse_width=[10.0, 30.0])
     stored(
         tmp_path / "tree.zarr", tables__tree=xr.Dataset({"height": ("size", [1.0])}, {"size": [1]})
     )

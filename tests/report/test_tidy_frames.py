@@ -104,7 +104,7 @@ def test_groups_of_one_table_are_stacked_and_chance_stands_in_every_row(tmp_path
     )
     table = read_frames(path)["scores"]
     assert set(table.rows.classifier) == {"acn", "oracle"}
-    assert table.rows.cnr_dB.isna().sum() == 6 if "cnr_dB" in table.rows else True
+    assert table.rows.cnr_db.isna().sum() == 6
     assert (table.rows.percent_correct_by_chance == 25).all()
     assert table.rows.frame_count.dropna().unique().tolist() == [4, 16]
 
