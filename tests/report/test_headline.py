@@ -49,21 +49,21 @@ ONE, NONE = "1 of 2 values of CNR, the one that all have.", "none is shared."
 
 
 @pytest.mark.parametrize(
-    ("likelihood", "acn", "best", "ranked"),
+    ("correlation", "acn", "best", "ranked"),
     [
-        ((0.5, 0.95), (0.6, 0.8), "maximum likelihood", ""),
+        ((0.5, 0.95), (0.6, 0.8), "correlation", ""),
         ((0.9, 0.4), (0.6, 0.8), "ACN", ""),
-        ((0.8, 0.6), (0.6, 0.8), "ACN", ""),
-        ((0.5, 0.9), (np.nan, 0.8), "maximum likelihood", ONE),
+        ((0.8, 0.6), (0.6, 0.8), "correlation", ""),
+        ((0.5, 0.9), (np.nan, 0.8), "correlation", ONE),
         ((0.5, 0.7), (np.nan, 0.8), "ACN", ONE),
         ((0.5, np.nan), (np.nan, 0.8), "ACN", f"means over different values of CNR, since {NONE}"),
     ],
     ids=["mean", "one end", "equal", "failed where all are poor", "failed", "none in common"],
 )
-def test_the_best_has_the_highest_mean_over_shared_values(likelihood, acn, best, ranked, tmp_path):
+def test_the_best_has_the_highest_mean_over_shared_values(correlation, acn, best, ranked, tmp_path):
     """Of equals it is the simplest; a classifier that failed where all are poor is no better."""
     tables = {
-        "tables__likelihood": displayed(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
+        "tables__correlation": displayed(shares(*correlation, cnr=[23.0, 32.0]), "correlation"),
         "tables__acn": displayed(shares(*acn, cnr=[23.0, 32.0])),
     }
     text = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
