@@ -68,6 +68,15 @@ def test_the_swept_axis_comes_first():
         assert heading.index(first) < heading.index(second)
 
 
+def test_axes_that_do_not_fit_head_sections_and_repeated_labels_are_blank():
+    axes = {"vigilance": [0.9, 0.95], "cnr": [20.0, 30.0], "frame_count": [4, 16]}
+    lines = printed(tidy_frame(scores(**axes), DISPLAY, "tables/acn"), 60).splitlines()
+    sections = [lines.index(f"vigilance {value}") for value in (0.9, 0.95)]
+    for start in sections:
+        labels = [line[:17].split() for line in lines[start + 1 : start + 5]]
+        assert labels == [["20", "4"], ["16"], ["30", "4"], ["16"]]
+
+
 def test_rows_that_are_left_out_are_counted():
     frame = tidy_frame(scores(cnr=[20.0, 30.0], frame_count=[4, 8, 16]), DISPLAY, "tables/acn")
     assert len(lay_out(frame).lines) == 6
