@@ -40,7 +40,7 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> TextTable:
         table = _axis_table(frame, axis, candidates)
     else:
         table = _candidate_table(frame, candidates)
-    notes = [*table.notes, *_omission_notes(table, frame, axis)]
+    notes = [*table.notes, _omission_note(table, frame, axis)]
     table = replace(
         table, lines=tuple(thin_lines(table.lines, MAX_ROWS) if axis else table.lines[:MAX_ROWS])
     )
@@ -125,14 +125,14 @@ def _select_overall(frame: Frame) -> Frame:
     return frame.select(frame.across, OVERALL) if frame.has_overall else frame
 
 
-def _omission_notes(table: TextTable, frame: Frame, axis: str) -> list[str]:
+def _omission_note(table: TextTable, frame: Frame, axis: str) -> str:
     """Return a sentence on the rows of a table that are not shown, if any."""
     count = len(table.lines)
     if count <= MAX_ROWS:
-        return []
+        return ""
     if axis:
-        return [f"{MAX_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."]
-    return [f"{count - MAX_ROWS} more are in {table.name}.csv."]
+        return f"{MAX_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."
+    return f"{count - MAX_ROWS} more are in {table.name}.csv."
 
 
 def _narrow_table(table: TextTable, width: int) -> tuple[TextTable, str]:

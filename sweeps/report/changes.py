@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from ncti.text import printable
 from sweeps.report.answer import thin_lines
-from sweeps.report.compare import FIRST_STORE, NAME, SECOND_STORE, STORE, Comparison
+from sweeps.report.compare import BOTH_STORES, NAME, STORE, Comparison
 from sweeps.report.frames import Column, Frame
 from sweeps.report.page.provenance import iter_settings, values_in_words
 from sweeps.report.pairs import LEVEL
@@ -37,7 +37,7 @@ def change_sentences(compared: Comparison) -> list[str]:
     setting = _row_setting(frame, row)
     suffix = f", at {setting}" if setting else ""
     subject = ", ".join(_row_names(frame, row)) or column.words
-    before, after = (_end_text(frame, row, end) for end in (FIRST_STORE, SECOND_STORE))
+    before, after = (_end_text(frame, row, end) for end in BOTH_STORES)
     course = f"from {before} in {first} to {after} in {store}"
     if not is_missing(row[figure]):
         changed = _with_signed_interval(make_entry(frame, label, figure))
@@ -103,10 +103,7 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> TextTable:
         if two:
             row = key_rows.iloc[0]
             cells = [
-                *(
-                    Entry(_end_text(frame, row, end, unit=False))
-                    for end in (FIRST_STORE, SECOND_STORE)
-                ),
+                *(Entry(_end_text(frame, row, end, unit=False)) for end in BOTH_STORES),
                 *cells,
             ]
         text = down.text(key) if axis else str(key)
@@ -129,12 +126,10 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> TextTable:
 
 def settings_that_differ(compared: Comparison) -> list[tuple[str, list[str]]]:
     """Return the settings that differ between stores: keys, and each store's value in words."""
-    all_attrs = [attributes(open_store(path)) for path in compared.paths]
-    configurations: list[Mapping[str, Any]] = [
-        dict(iter_settings(attrs.get("configuration", {})))
-        | {key: attrs.get(key) for key in RUN_ATTRIBUTES}
-        for attrs in all_attrs
-    ]
+    configurations: list[dict[str, Any]] = []
+    for attrs in (attributes(open_store(path)) for path in compared.paths):
+        settings = dict(iter_settings(attrs.get("configuration", {})))
+        configurations.append(settings | {key: attrs.get(key) for key in RUN_ATTRIBUTES})
     keys = dict.fromkeys(key for settings in configurations for key in settings)
     return [
         (key, [_setting_text(settings.get(key)) for settings in configurations])
@@ -180,16 +175,14 @@ def _with_signed_interval(cell: Entry) -> Entry:
 
 
 def _setting_text(value: Any) -> str:
-    return (
-        f"[{values_in_words(value, '')}]"
-        if isinstance(value, list)
-        else values_in_words([value], "")
-    )
+    if isinstance(value, list):
+        return f"[{values_in_words(value, '')}]"
+    return values_in_words([value], "")
 
 
 def _overall_rows(frame: Frame) -> pd.DataFrame:
     """Return the rows of differences over all aspects, of tests where there are any."""
-    ends = [_end_column(frame, end) for end in (FIRST_STORE, SECOND_STORE)]
+    ends = [_end_column(frame, end) for end in BOTH_STORES]
     rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
     if frame.where(rows.index).has_overall:
         rows = rows[rows[frame.across] == OVERALL]
@@ -247,8 +240,6 @@ def _end_text(frame: Frame, row: pd.Series, end: str, *, unit: bool = True) -> s
     """Return the main figure of a row in the first store, or in the second."""
     name = _end_column(frame, end)
     column = replace(frame.columns[name], role="figure")
-    if not unit:
-        return column.text(row[name])
-    return (
-        "no value" if is_missing(row[name]) else f"{column.text(row[name])} {column.unit}".rstrip()
-    )
+    if unit and is_missing(row[name]):
+        return "no value"
+    return f"{column.text(row[name])} {column.unit * unit}".rstrip()

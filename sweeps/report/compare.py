@@ -29,7 +29,7 @@ from sweeps.report.ranking import SCORES, is_test
 from sweeps.report.stores import list_groups, open_store
 
 NAME, STORE = "differences", "store"
-FIRST_STORE, SECOND_STORE = "first", "second"
+BOTH_STORES = FIRST_STORE, SECOND_STORE = "first", "second"
 DISPLAY = Display(
     NAME,
     "Ships identified correctly [points]",
@@ -279,7 +279,7 @@ def _keep_changes(frame: Frame) -> Frame | None:
 
 def differing_rows(frame: Frame, figure: str) -> pd.Series:
     """Return a mask of rows in which a figure differs, or only one store has a value."""
-    first, second = (frame.rows[f"{figure}_{end}"] for end in (FIRST_STORE, SECOND_STORE))
+    first, second = (frame.rows[f"{figure}_{end}"] for end in BOTH_STORES)
     return (first != second) & (first.notna() | second.notna())
 
 
@@ -290,7 +290,7 @@ def _name_stores(frame: Frame, names: Sequence[str]) -> Frame:
     if frame.name == NAME:
         columns["difference"] = replace(columns["difference"], unit="points")
         words = first, others[0] if len(others) == 1 else "the other store"
-        for end, name in zip((FIRST_STORE, SECOND_STORE), words, strict=True):
+        for end, name in zip(BOTH_STORES, words, strict=True):
             columns[end] = replace(columns[end], words=name)
     minuend = others[0] if len(others) == 1 else "other stores"
     return replace(frame, title=f"{frame.title}: {minuend} less {first}", columns=columns)

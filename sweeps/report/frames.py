@@ -41,6 +41,7 @@ INTERVAL_SUFFIXES = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of the varia
 BESIDE_SUFFIXES = ("_spread", "_n", "_of")
 MAX_POINTS = 6  # of settings that run together, to be listed
 PERCENT_DIGITS = 1  # decimals of percentages in files
+AXIS_ROLES = ("axis", "along")
 PART = "part"  # column with the number of the part of a frame, not in files
 TABLE_ORDER = (
     *("scores", "flights", "landmarks", "scan", "categories", "rejection_curve", "rejection"),
@@ -76,7 +77,7 @@ class Column:
             return WORDS[value]
         if isinstance(value, float) and math.isinf(value):
             return self.infinite
-        return value_text(value, "g" if self.role in ("axis", "along") else self.format)
+        return value_text(value, "g" if self.role in AXIS_ROLES else self.format)
 
     def in_words(self, value: Any) -> str:
         """Return a value with the words of its axis, and its unit."""
@@ -257,9 +258,8 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     figures = [_complete_figure(figure, table) for figure in declared if figure.variable in table]
     figure_columns = _columns_of_figures(table, figures)
     data = table[list(dict.fromkeys(variable for variable, _ in figure_columns.values()))]
-    data = data.drop_vars(
-        [name for name in (*HIDDEN_COORDS, *DRAWS) if _is_extra(data, name)]
-    ).load()
+    extra = [name for name in (*HIDDEN_COORDS, *DRAWS) if _is_extra(data, name)]
+    data = data.drop_vars(extra).load()
     expanded = data if data.dims else data.expand_dims("row_number")
     flat = expanded.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
     columns = {name: Column(name, name, name) for name in display.labels}
@@ -287,7 +287,7 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
         columns[name] = Column(name, main, "chance", columns[main].unit, "", "chance", ".0f")
         rows[name] = pd.Series(float(display.chance), index=flat.index)  # type: ignore[arg-type]
     column_names = {
-        column.axis: name for name, column in columns.items() if column.role in ("axis", "along")
+        column.axis: name for name, column in columns.items() if column.role in AXIS_ROLES
     }
     counts = next((table[name] for name in ("view_count", "views") if name in table), None)
     views = {} if counts is None else {"views": int(counts.max())}
@@ -404,12 +404,8 @@ def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
 def _complete_figure(figure: Figure, table: xr.Dataset) -> Figure:
     """Return a figure with an interval and columns found by name, where it declares none."""
     name = figure.variable
-    pairs = [
-        pair
-        for low, high in INTERVAL_SUFFIXES
-        if {*(pair := (name + low, name + high))} <= {*table}
-    ]
-    low, high = (pairs or [("", "")])[0]
+    pairs = ((name + low, name + high) for low, high in INTERVAL_SUFFIXES)
+    low, high = next((pair for pair in pairs if {*pair} <= {*table}), ("", ""))
     beside = {name + end: name + end for end in BESIDE_SUFFIXES if name + end in table}
     return replace(
         figure,
@@ -431,11 +427,9 @@ def stack_frames(parts: Sequence[Frame]) -> Frame:
     columns = {name: column for part in parts for name, column in part.columns.items()}
     across = next((part.across for part in parts if part.across), "")
     labels = [name for part in parts for name in part.parts[0].display.labels]
-    axis_roles = ("axis", "along")
-    axes = [
-        name for name, column in columns.items() if column.role in axis_roles and name != across
-    ]
-    figures = [name for name, column in columns.items() if column.role not in axis_roles]
+    axes = [name for name, column in columns.items() if column.role in AXIS_ROLES]
+    axes = [name for name in axes if name != across]
+    figures = [name for name, column in columns.items() if column.role not in AXIS_ROLES]
     names = [*dict.fromkeys([*labels, *axes]), *[across] * bool(across), *figures]
     numbered = [part.rows.assign(**{PART: number}) for number, part in enumerate(parts)]
     rows = pd.concat(numbered, ignore_index=True) if len(numbered) > 1 else numbered[0]

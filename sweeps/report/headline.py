@@ -251,10 +251,8 @@ def _position_text(candidate: Candidate, label: Any, *, whole_words: bool = True
     """Return the position of a row on its axis, with the name of the axis if `whole_words`."""
     if not candidate.axis:
         return ""
-    column, value = (
-        candidate.frame.columns[candidate.axis],
-        candidate.frame.rows.at[label, candidate.axis],
-    )
+    frame = candidate.frame
+    column, value = frame.columns[candidate.axis], frame.rows.at[label, candidate.axis]
     words = column.in_words(value) if whole_words else f"{column.text(value)} {column.unit}"
     return f" at {words}".rstrip()
 

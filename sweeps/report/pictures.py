@@ -63,11 +63,8 @@ def draw_profiles(store: PathOrUrl) -> Figure:
     quarter = profiles.sel(aspect=PROFILE_ASPECT, method="nearest").load()  # and no other views
     ship, angle = profiles.ship.values[0], f"{float(quarter.aspect):g}°"
     ship_profiles = profiles.expected.sel(ship=ship)
-    bow_to_beam = (
-        ship_profiles.sel(aspect=list(BOW_TO_BEAM), method="nearest")
-        .drop_duplicates("aspect")
-        .load()
-    )
+    bow_to_beam = ship_profiles.sel(aspect=list(BOW_TO_BEAM), method="nearest")
+    bow_to_beam = bow_to_beam.drop_duplicates("aspect").load()
     averaged = quarter.averaged.sel(ship=ship)
     figure = Figure(figsize=(11.0, 4.6), dpi=150)
     # Fixed margins, since a layout engine takes as long as drawing.
@@ -86,9 +83,8 @@ def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title
     for index, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
         profile = profiles.sel({over: value}) if profiles[over].ndim else profiles
         floor = profile.quantile(0.2).item()
-        height = (profile.values - floor) / (
-            (profile.max().item() - floor) or 1.0
-        ) - LINE_SPACING * index
+        extent = (profile.max().item() - floor) or 1.0
+        height = (profile.values - floor) / extent - LINE_SPACING * index
         axes.plot(profile.down_range, height, lw=1.1)
         anchor = profile.down_range[-1].item(), 0.15 - LINE_SPACING * index
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
@@ -181,9 +177,8 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
 
 def _draw_profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the expected range profile of one view."""
-    profiles = select_preferred(
-        read_group(store, "range_profile")[["expected"]], keep=("ship", "aspect")
-    )
+    profiles = read_group(store, "range_profile")[["expected"]]
+    profiles = select_preferred(profiles, keep=("ship", "aspect"))
     profile = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
     axes.plot(profile.down_range, profile, lw=1.1)
     axes.set_xlabel("down-range [m]", fontsize=FONT_SIZE)
@@ -192,9 +187,8 @@ def _draw_profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
 
 def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the infrared image of one view, at the shortest range."""
-    images = select_preferred(
-        read_group(store, "infrared"), keep=("ship", "aspect", "range", "row", "col")
-    )
+    keep = "ship", "aspect", "range", "row", "col"
+    images = select_preferred(read_group(store, "infrared"), keep=keep)
     view = images.sel(ship=ship).sel(aspect=aspect, method="nearest")[["image"]]
     image, extent = _crop_image(view.sel(range=view.range.min()).load())
     left, right, low, high = extent
@@ -255,12 +249,10 @@ def write_pictures(
     Returns the paths at which other files are in the way. Raises ConfigurationError if one cannot
     be drawn or written.
     """
-    progress_console, folder, blocked = Console(stderr=True), tables_folder(path), list[Path]()
+    stderr, folder, blocked = Console(stderr=True), tables_folder(path), list[Path]()
     try:
         drawn = draw_flights(path, ship=ship)
-        for name, make in track(
-            drawn.items(), description="  pictures        ", console=progress_console
-        ):
+        for name, make in track(drawn.items(), description="  pictures        ", console=stderr):
             content = io.BytesIO()
             make().savefig(content, format="png")
             blocked += write_own_files(folder, {name: content.getvalue()})
@@ -269,9 +261,8 @@ def write_pictures(
     names = list(drawn)
     more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
     with buffered_console(console) as buffer:
-        print_line(
-            f"pictures  {printable(str(folder))}: {', '.join(names[:MAX_NAMES])}{more}", buffer
-        )
+        listed = ", ".join(names[:MAX_NAMES]) + more
+        print_line(f"pictures  {printable(str(folder))}: {listed}", buffer)
     return list(dict.fromkeys(blocked))
 
 

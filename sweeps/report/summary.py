@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -109,8 +108,6 @@ def report_comparison(
     in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError if the
     stores have nothing in common, or a table is asked for of equal ones.
     """
-    from sweeps.report.page.write import comparison_page, write_page
-
     for path in (first, *others):
         check_whole(path)
     compared = compare(first, *others)
@@ -127,10 +124,9 @@ def report_comparison(
         return blocked
     blocked = write_tables(compared.output_path, compared.frames.values())
     if html:
-        with _page_errors():
-            blocked += write_page(
-                page_file(compared.output_path), lambda: comparison_page(compared)
-            )
+        from sweeps.report.page.write import comparison_page
+
+        blocked += _write_page(compared.output_path, lambda: comparison_page(compared))
     return blocked
 
 
@@ -147,17 +143,17 @@ def write_store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]
 
     Raises ConfigurationError if it cannot be written.
     """
-    from sweeps.report.page.write import store_page, write_page
+    from sweeps.report.page.write import store_page
 
-    with _page_errors():
-        return write_page(page_file(path), lambda: store_page(path, frames))
+    return _write_page(path, lambda: store_page(path, frames))
 
 
-@contextmanager
-def _page_errors() -> Iterator[None]:
-    """Raise errors of writing a page as ConfigurationError."""
+def _write_page(path: PathOrUrl, make: Callable[[], str]) -> list[Path]:
+    """Write the page of a store; raise its errors as ConfigurationError."""
+    from sweeps.report.page.write import write_page
+
     try:
-        yield
+        return write_page(page_file(path), make)
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
         fault = getattr(error, "strerror", None) or error_reason(error)

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import pandas as pd
 import zarr
 
 from ncti.text import printable
@@ -66,11 +65,11 @@ def status_of(store: Any, timings: Frame | None = None) -> Status:
     ):
         counts = tuple(int((array.values == state).sum()) for state in STATES)
         parts[printable(str(name).replace("_", " "))] = counts
-    rows = (
-        timings.rows if timings is not None else pd.DataFrame(columns=["done", "reused", "failed"])
-    )
-    done, reused, failed = (int(rows[name].sum()) for name in ("done", "reused", "failed"))
-    return Status(parts, failed_cells(store), (done + reused, failed))
+    cells = 0, 0
+    if timings is not None:
+        done, reused, failed = timings.rows[["done", "reused", "failed"]].sum()
+        cells = int(done + reused), int(failed)
+    return Status(parts, failed_cells(store), cells)
 
 
 def iter_settings(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
