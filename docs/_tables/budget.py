@@ -44,7 +44,7 @@ REPLICATES = 8
 ASPECT_BINS = ("0-27", "30-57", "60-90")
 
 Floats = NDArray[np.float64]
-Seen = Callable[[str, float], RangeExtent]
+ExtentOf = Callable[[str, float], RangeExtent]
 """Function from a ship's name and an aspect [deg] to a range extent."""
 
 
@@ -75,11 +75,11 @@ class Views:
         """Return ship and aspect of all views, ship by ship."""
         return [(ship, aspect) for ship in self.ships for aspect in aspects]
 
-    def extent(self, seen: Seen, ship: str, aspect: float) -> RangeExtent:
+    def extent(self, extent_of: ExtentOf, ship: str, aspect: float) -> RangeExtent:
         """Return a view's extent, computed once."""
-        key = seen, ship, aspect
+        key = extent_of, ship, aspect
         if key not in self._kept:
-            self._kept[key] = seen(ship, aspect)
+            self._kept[key] = extent_of(ship, aspect)
         extent: RangeExtent = self._kept[key]
         return extent
 
@@ -108,11 +108,11 @@ class Views:
         return np.array(drawn)
 
     def percent_right(
-        self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any
+        self, extent_of: ExtentOf, averages: Floats, *, between: bool = False, **learn: Any
     ) -> Floats:
-        """Return (replicate, group) percent correct with templates by `seen`."""
+        """Return (replicate, group) percent correct with templates by `extent_of`."""
         learned_views = self.ship_aspects(learn.get("aspects", self.aspects))
-        extents = [self.extent(seen, *view) for view in learned_views]
+        extents = [self.extent(extent_of, *view) for view in learned_views]
         moments = [
             _metre_moments(extent, *banded_frame_moments(extent, **SIGNAL)) for extent in extents
         ]
@@ -279,13 +279,13 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
     drawn = f"{Render.pixel.default:g} m, {Render.samples.default:g} samples"
     sampled = [partial(_sweep_extent, engine=engine) for engine in (choose_engine("auto"), "lines")]
 
-    def profiles(sampler: Seen) -> list[Floats]:
+    def profiles(sampler: ExtentOf) -> list[Floats]:
         return [_pulse(views.extent(sampler, *view)) for view in views.ship_aspects(views.aspects)]
 
-    def error_of(sampler: Seen) -> Sample:
+    def error_of(sampler: ExtentOf) -> Sample:
         return _errors(profiles(sampler), profiles(true_extent))
 
-    def templates(sampler: Seen) -> Floats:
+    def templates(sampler: ExtentOf) -> Floats:
         return views.percent_right(sampler, views.averages) - best
 
     return [

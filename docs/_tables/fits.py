@@ -99,7 +99,7 @@ class Part:
 
 
 def fit_rows(
-    parameter: str, default: float, parts: Sequence[Part], shown: Mapping[str, xr.DataArray]
+    parameter: str, default: float, parts: Sequence[Part], other_figures: Mapping[str, xr.DataArray]
 ) -> list[dict[str, Any]]:
     """Return a row for every value of a parameter, with a star at the best of each part.
 
@@ -111,7 +111,7 @@ def fit_rows(
         Value in the project's settings, which is labelled.
     parts : sequence of Part
         Figures to compare.
-    shown : mapping of str to DataArray
+    other_figures : mapping of str to DataArray
         Further figures by heading, with draws: their mean and two standard errors.
     """
     values = parts[0].ours[parameter].values
@@ -123,7 +123,7 @@ def fit_rows(
         for k, row in enumerate(rows):
             best = " *" if k == distance.argmin() else ""
             row[part.name] = f"{distance[k]:.1f} ({single[k]:.1f}){best}"
-    for name, draws in shown.items():
+    for name, draws in other_figures.items():
         mean, error = mean_and_error(draws.transpose(parameter, ...))
         for row, middle, spread in zip(rows, mean.values, error.values, strict=True):
             row[name] = format_errors(middle, spread)

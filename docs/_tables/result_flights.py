@@ -69,12 +69,12 @@ def mean_heading(draws: int) -> str:
 
 def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return landmarks of near-stern profiles, and the likeness of all to noiseless profiles."""
-    nominal = ASSUMED["nothing"]
-    duncan, roberts = pick(flights["duncan"], **nominal), flights["roberts"]
+    no_assumption = ASSUMED["nothing"]
+    duncan, roberts = pick(flights["duncan"], **no_assumption), flights["roberts"]
     columns = {
         "Duncan synthetic, point sampled": duncan.sel(source="point"),
         "the same, spread": duncan.sel(source="synthetic"),
-        "Roberts flown past": pick(roberts, **nominal, source="measured"),
+        "Roberts flown past": pick(roberts, **no_assumption, source="measured"),
         "with a dark transom*": pick(roberts, **ASSUMED["dark transoms*"], source="measured"),
         "with masts x 3*": pick(roberts, **ASSUMED["masts x 3*"], source="measured"),
     }

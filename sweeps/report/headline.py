@@ -83,10 +83,10 @@ def headline_for_script(
     }
 
 
-def settings_of(whole: Frame, candidate: Candidate) -> dict[str, str]:
+def settings_of(table: Frame, candidate: Candidate) -> dict[str, str]:
     """Return the setting of a candidate, except on its axis: values by the words of their axes."""
     columns, values = candidate.frame.columns, constant_values(candidate.frame)
-    names = [n for n in _setting_columns(whole) if n not in (candidate.axis, *candidate.of)]
+    names = [n for n in _setting_columns(table) if n not in (candidate.axis, *candidate.of)]
     words = [columns[name].words for name in names]
     return {axis: values[axis] for axis in words if axis in values}
 
@@ -191,11 +191,11 @@ def _describe_course(candidate: Candidate, column: Column) -> str:
         return clause
     # An extreme between the ends is part of the answer.
     minimum, maximum = values.min(), values.max()
-    for word, label, beyond in (
+    for word, label, excess in (
         ("least", values.idxmin(), min(first, last) - minimum),
         ("most", values.idxmax(), maximum - max(first, last)),
     ):
-        if beyond > 0.1 * (maximum - minimum):
+        if excess > 0.1 * (maximum - minimum):
             text = _distinct_numbers(float(values.loc[label]), last, column)[0]
             clause += f", {word} {text} at {words}{axis.text(rows.at[label, candidate.axis])}"
     return clause
@@ -242,8 +242,8 @@ def _percent_text(frame: Frame, label: Any) -> tuple[str, str]:
     cell, row = make_entry(frame, label, figure.name), frame.rows.loc[label]
     words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
     low, chance = (frame.column_of_role(role, figure.name) for role in ("low", "chance"))
-    known = low and chance and not is_missing(row[low]) and not is_missing(row[chance])
-    doubtful = known and row[low] <= row[chance]
+    has_bounds = low and chance and not is_missing(row[low]) and not is_missing(row[chance])
+    doubtful = has_bounds and row[low] <= row[chance]
     return " ".join(word for word in words if word), NOT_SIGNIFICANT if doubtful else ""
 
 

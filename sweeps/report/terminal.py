@@ -51,12 +51,12 @@ def print_table(table: TextTable, console: Console, *, max_rows: int | None = MA
         _print_rows(columns, [heads], console, style="bold", vertical="bottom")
         print_note("─" * _total_width(columns), console)
         for _, section in groupby(lines, key=lambda line: line.keys[:section_count]):
-            rows, before = [], tuple[str, ...]()
+            rows, previous = [], tuple[str, ...]()
             for line in section:
                 keys = line.keys[section_count:]
                 figure_texts = [entry_text(line.cells[k]) for k in share]
-                rows.append([*_blank_repeated_keys(keys, before), *figure_texts])
-                before = keys
+                rows.append([*_blank_repeated_keys(keys, previous), *figure_texts])
+                previous = keys
             pairs = zip(table.down[:section_count], line.place, strict=False)
             words = [axis.in_words(value) for axis, value in pairs if value is not None]
             print_note(", ".join(words), console, style="bold")
@@ -149,10 +149,10 @@ def _print_rows(
     console.print(grid)
 
 
-def _blank_repeated_keys(keys: Sequence[str], before: Sequence[str]) -> list[str]:
+def _blank_repeated_keys(keys: Sequence[str], previous: Sequence[str]) -> list[str]:
     """Return the keys of a row, with leading keys that repeat the previous row's empty."""
     repeated = 0
-    while repeated < min(len(keys), len(before)) - 1 and keys[repeated] == before[repeated]:
+    while repeated < min(len(keys), len(previous)) - 1 and keys[repeated] == previous[repeated]:
         repeated += 1
     return ["" if k < repeated else key for k, key in enumerate(keys)]
 

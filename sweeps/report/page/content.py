@@ -41,7 +41,7 @@ def store_content(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any
     if matrix is not None:
         tables = {main_table.name: main_table, CONFUSION: matrix, **tables}
     settings = list(iter_settings(attrs.get("configuration", {})))
-    drawn = pictures_of(path, store, predictions)
+    pictures = pictures_of(path, store, predictions)
     charts = chart_content(tables, axes, path_beside(path).name)
     charts["data"]["headline"] = headline_for_script(tables, attrs, MAX_CHART_ROWS)
     return {
@@ -52,8 +52,8 @@ def store_content(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any
         "status": status_of(store, timings),
         "settings": [(key, yaml_text(value)) for key, value in settings],
         "swept": swept_settings(store, settings),
-        "confused": drawn.pop(CONFUSED, None),
-        "pictures": drawn,
+        "confused": pictures.pop(CONFUSED, None),
+        "pictures": pictures,
         "ships": ships_of(store),
         "timings": None if timings is None else lay_out(timings),
         **charts,
@@ -148,8 +148,8 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
             if name in curves_of(frame) or (name == frame.across and name != BINS):
                 continue
             columns.setdefault(name, frame.columns[name])
-            known = values.setdefault(name, [])
-            known += [value for value in values_of(frame.rows, name) if value not in known]
+            axis_values = values.setdefault(name, [])
+            axis_values += [v for v in values_of(frame.rows, name) if v not in axis_values]
     selectors = []
     for name, column in columns.items():
         if all(isinstance(value, int | float) for value in values[name]):
