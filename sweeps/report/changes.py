@@ -41,8 +41,7 @@ def change_sentences(compared: Comparison) -> list[str]:
     course = f"from {before} in {first} to {after} in {store}"
     if not is_missing(row[figure]):
         changed = _with_signed_interval(make_entry(frame, label, figure))
-        interval = f" [{changed.interval}]" if changed.interval else ""
-        course += f", {changed.text} {column.unit}".rstrip() + interval
+        course += f", {changed.in_unit(column.unit)}"
     if frame.name != NAME:
         table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [

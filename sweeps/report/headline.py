@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -175,10 +176,9 @@ def _describe_course(candidate: Candidate, column: Column) -> str:
     texts_of_ends = _axis_texts([rows.at[label, candidate.axis] for label in ends], axis)
     start, stop = (f"{words}{text}" for text in texts_of_ends)
     stop = f"{stop} {axis.unit}".rstrip()
-    interval = {label: make_entry(frame, label, column.name).interval for label in ends}
     first_text, last_text = (
-        " ".join(filter(None, [texts[k], column.unit, f"[{interval[k]}]" * bool(interval[k])]))
-        for k in ends
+        replace(make_entry(frame, label, column.name), text=texts[label]).in_unit(column.unit)
+        for label in ends
     )
     if texts[ends[0]] == texts[ends[1]]:
         clause = f"is {first_text} at {start} and at {stop}"
@@ -240,11 +240,10 @@ def _percent_text(frame: Frame, label: Any) -> tuple[str, str]:
     """Return a figure with unit and interval, and a remark if it may be chance."""
     figure = frame.columns[frame.figures[0]]
     cell, row = make_entry(frame, label, figure.name), frame.rows.loc[label]
-    words = [cell.text, figure.unit, f"[{cell.interval}]" * bool(cell.interval)]
     low, chance = (frame.column_of_role(role, figure.name) for role in ("low", "chance"))
     has_bounds = low and chance and not is_missing(row[low]) and not is_missing(row[chance])
     doubtful = has_bounds and row[low] <= row[chance]
-    return " ".join(word for word in words if word), NOT_SIGNIFICANT if doubtful else ""
+    return cell.in_unit(figure.unit), NOT_SIGNIFICANT if doubtful else ""
 
 
 def _position_text(candidate: Candidate, label: Any, *, whole_words: bool = True) -> str:

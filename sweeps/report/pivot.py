@@ -24,6 +24,10 @@ class Entry:
     row: Any = None  # label of the frame's row, and column
     column: str = ""
 
+    def in_unit(self, unit: str) -> str:
+        """Return the figure with its unit and its interval."""
+        return " ".join(filter(None, [self.text, unit, self.interval and f"[{self.interval}]"]))
+
 
 @dataclass(frozen=True)
 class Line:
