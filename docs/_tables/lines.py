@@ -35,7 +35,7 @@ How = tuple[str, tuple[float, ...]]
 """Engine, and `fineness` of a sweep's tolerance."""
 
 REPEATS, RAY_REPEATS = 5, 9  # how often views are timed, and rays
-RAY_ASPECTS = (0.5, 3.0, 10.0, 30.0, 90.0, 177.0)  # aspects, end-on views among them [deg]
+END_ON = (0.5, 3.0, 10.0, 30.0, 90.0, 177.0)  # aspects, end-on views among them [deg]
 SPACING = 0.25  # of lines and rays [m]
 
 RAYS = (
@@ -100,10 +100,7 @@ def measure(
 
 
 def measure_rays(
-    *,
-    repeats: int = RAY_REPEATS,
-    ships: Sequence[str] = SHIPS,
-    aspects: Sequence[float] = RAY_ASPECTS,
+    *, repeats: int = RAY_REPEATS, ships: Sequence[str] = SHIPS, aspects: Sequence[float] = END_ON
 ) -> Report:
     """Return times of views by lines and by as many of embree's rays, end-on to abeam.
 

@@ -68,7 +68,7 @@ RANDOM_ASPECT_SWEEP = (
     *("infrared.super_resolution=none", "classifier.template_spacing=[1.5,3,6]"),
     "classifier.name=[acn,correlation,likelihood,fusion]",
 )
-SHIFTED_FRAMES = (
+SHIFTS = (
     *(*SENSORS, "grid.range=100", "infrared.range=100", "infrared.super_resolution=shifted"),
     *("classifier.template_spacing=[1.5,3,6]", "classifier.name=fusion"),
 )
@@ -98,10 +98,8 @@ CATEGORIES = (
     "classifier.name=acn",
 )
 REJECTION = ("grid.frame_count=16", "grid.range=[25,100]")
-TEMPLATE_REJECTION = (
-    *(*REJECTION, "classifier.name=[acn,correlation]", "classifier.template_spacing=3"),
-)
-REJECTION_BY_SPACING = (
+REJECT_TEMPLATE = (*REJECTION, "classifier.name=[acn,correlation]", "classifier.template_spacing=3")
+REJECT_SPACING = (
     *(
         *REJECTION,
         "classifier.name=likelihood",
@@ -110,7 +108,7 @@ REJECTION_BY_SPACING = (
     "classifier.misfit_weight=[0,0.01]",
 )
 SOURCE_SPACING = f"classifier.template_spacing={SOURCE_STEP}"
-ALTERNATIVE_REJECTION = (*REJECTION, "classifier.name=likelihood", SOURCE_SPACING)
+REJECT_OTHER = (*REJECTION, "classifier.name=likelihood", SOURCE_SPACING)
 GENERATED_SHIPS = 8  # of each ship learned
 LONG_RANGE = ("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood", SOURCE_SPACING)
 CALIBRATED = ("classifier.gain_sigma=0", "classifier.floor_sigma=0")
@@ -269,7 +267,7 @@ def _new_aspects(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of new aspects, and of fusion."""
     answers = sizes.random_aspects(RANDOM_ASPECT_SWEEP, GROUPS, "new aspects")
     shifted = sizes.random_aspects(
-        SHIFTED_FRAMES, group_names("classification/", "fusion"), "shifted frames"
+        SHIFTS, group_names("classification/", "fusion"), "shifted frames"
     )
     return new_aspects(answers) | {"fusion": fusion(answers, shifted)}
 
@@ -315,10 +313,7 @@ def _sensors(sizes: Sizes) -> dict[str, Report]:
             label=label,
             workers=sizes.workers,
         )
-        for overrides, label in (
-            (SHORT_RANGE, "both sensors, 25 km"),
-            (SHIFTED_FRAMES, "shifted frames"),
-        )
+        for overrides, label in ((SHORT_RANGE, "both sensors, 25 km"), (SHIFTS, "shifted frames"))
     )
     return sensors(near, far)
 
@@ -354,23 +349,14 @@ def _categories(sizes: Sizes) -> dict[str, Report]:
 def _unknown_ships(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of unknown ships."""
     sisters = unknown_arguments(*_variants(UNKNOWN_SHIPS))
+    exact = unknown_arguments(*UNKNOWN_SHIPS)
     looked_up, likely, against, themselves = (
         sizes.rejection_answers([*overrides, *ships], names, label)
         for overrides, ships, names, label in (
-            (TEMPLATE_REJECTION, unknown_arguments(), CLASSIFIERS[:2], "unknown ships"),
-            (
-                REJECTION_BY_SPACING,
-                unknown_arguments(),
-                CLASSIFIERS[2:],
-                "unknown ships, likelihood",
-            ),
-            (ALTERNATIVE_REJECTION, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
-            (
-                ALTERNATIVE_REJECTION,
-                unknown_arguments(*UNKNOWN_SHIPS),
-                CLASSIFIERS[2:],
-                "unknown ships, bound",
-            ),
+            (REJECT_TEMPLATE, unknown_arguments(), CLASSIFIERS[:2], "unknown ships"),
+            (REJECT_SPACING, unknown_arguments(), CLASSIFIERS[2:], "unknown ships, likelihood"),
+            (REJECT_OTHER, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
+            (REJECT_OTHER, exact, CLASSIFIERS[2:], "unknown ships, bound"),
         )
     )
     blind = [*unknown_arguments(), f"classifier.generated={sizes.generated}"]

@@ -84,12 +84,10 @@ def _axis_table(frame: Frame, axis: str, candidates: Sequence[Candidate]) -> Tex
         )
         for value in values
     ]
-    independent = [
-        f"{c.name} {entry_text(make_entry(frame, c.frame.rows.index[0], frame.figures[0]))}"
-        for c in candidates
-        if not c.axis
-    ]
-    notes = [f"Whatever the {column.words}: {'; '.join(independent)}."] if independent else []
+    independent = [c for c in candidates if not c.axis]
+    entries = [make_entry(frame, c.frame.rows.index[0], frame.figures[0]) for c in independent]
+    texts = [f"{c.name} {entry_text(e)}" for c, e in zip(independent, entries, strict=True)]
+    notes = [f"Whatever the {column.words}: {'; '.join(texts)}."] if texts else []
     title, heads = title_with_unit(frame), tuple(candidate.name for candidate in along)
     return TextTable(frame.name, title, (column,), heads, tuple(lines), tuple(notes))
 

@@ -259,12 +259,10 @@ def _position_text(candidate: Candidate, label: Any, *, whole_words: bool = True
 def ships_in_words(attributes: Mapping[str, Any]) -> str:
     """Return the number of learned ships in words."""
     configuration = attributes.get("configuration", {})
-    ships, unknown = (
-        configuration.get("grid", {}).get("ship"),
-        configuration.get("classifier", {}).get("unknown"),
-    )
+    ships = configuration.get("grid", {}).get("ship")
+    unknown = configuration.get("classifier", {}).get("unknown") or ()
     if ships is None:
         return "ships"
-    count = len([ships] if isinstance(ships, str) else ships) - len(unknown or ())
+    count = len([ships] if isinstance(ships, str) else ships) - len(unknown)
     number = NUMBERS[count] if count < len(NUMBERS) else str(count)
     return f"{number} ship{'s' * (count != 1)}"
