@@ -97,7 +97,7 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     from sweeps.report.page.write import is_current
     from sweeps.report.screen import stdout_console
     from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
-    from sweeps.report.work import write_work
+    from sweeps.report.timings import write_timings
     from sweeps.stages.irar import Irar
     from sweeps.stages.meshes import mesh_source, read_mesh
     from sweeps.stages.views import Grid, uses_sensor
@@ -105,7 +105,7 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     kept_files: list[Path] = []
     if finished.written:
         with suppress(OSError):  # `finish` reports it for all tables
-            kept_files += write_work(store, finished.progress)
+            kept_files += write_timings(store, finished.progress)
     frames = tables_of(store)
     print_answer(store, frames, stdout_console())
     if finished.written or not is_current(store):

@@ -73,7 +73,7 @@ REPORTS: dict[str, tuple[str, Callable[[argparse.Namespace], Reports]]] = {
     "dataset": ("datasets.md: rows of a data set a second", lambda options: dataset.measure()),
     "scale": (
         "scale.md: time, memory, files and bytes of a sweep by number of views, up to --most",
-        lambda options: scale.measure(most=options.most),
+        lambda options: scale.measure(max_views=options.most),
     ),
     "design": (
         "article_figures.md: the article's statements on the design of its sensors",
@@ -137,9 +137,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    for option, least in (("seeds", results.MIN_SEEDS), ("most", scale.MIN_VIEWS)):
-        if (value := getattr(options, option)) < least:
-            parser.error(f"--{option} is {value}, but must be at least {least}")
+    for option, minimum in (("seeds", results.MIN_SEEDS), ("most", scale.MIN_VIEWS)):
+        if (value := getattr(options, option)) < minimum:
+            parser.error(f"--{option} is {value}, but must be at least {minimum}")
     for ship in ncti.ships.names():
         # built here, so that no report includes the build
         ncti.ships.load(ship, cache=cache_folder() / "meshes")

@@ -11,7 +11,7 @@ from docs._tables.repeated import list_argument, mean_over_seeds, percent_of
 from docs._tables.sweeping import WORKERS, sweep_groups
 from sweeps.engine.run.cluster import ClusterChoice
 
-STEP, LAST, DRAWS = 3.0, 90.0, 10
+STEP, LAST_ASPECT, DRAWS = 3.0, 90.0, 10
 COMMON = ("classifier=likelihood", "render.engine=lines", "classifier.gain_sigma=[0,1]")
 FRAMES = (4, 8, 16)
 FLOORS = {  # settings by what is known of the floor
@@ -24,7 +24,7 @@ GROUP = "classification/likelihood"
 
 def measure(
     draws: int = DRAWS,
-    last: float = LAST,
+    last: float = LAST_ASPECT,
     frames: Sequence[int] = FRAMES,
     more: Sequence[str] = (),
     workers: ClusterChoice = WORKERS,

@@ -36,15 +36,15 @@ from sweeps.stages.views import Render, image
 
 STEP = 3.0  # between templates [deg]
 ASPECTS = tuple(np.arange(0.0, 90.1, STEP).tolist())
-BETWEEN = tuple(np.arange(STEP / 2, 90.0, STEP).tolist())
+TEST_ASPECTS = tuple(np.arange(STEP / 2, 90.0, STEP).tolist())
 REFERENCES = tuple(np.arange(0.0, 90.1, 15.0).tolist())  # views of the polygon clipper [deg]
-FINE = 1 / 16  # distance of the lines that stand for the truth [m]
+FINE_SPACING = 1 / 16  # distance of the lines that stand for the truth [m]
 FINER_BINS = 9  # for one of 1 m; odd, so that one of them has the same centre
 REPLICATES = 8
-GROUPS = ("0-27", "30-57", "60-90")
+ASPECT_BINS = ("0-27", "30-57", "60-90")
 
 Floats = NDArray[np.float64]
-Seen = Callable[[str, float], RangeExtent]
+ExtentOf = Callable[[str, float], RangeExtent]
 """Function from a ship's name and an aspect [deg] to a range extent."""
 
 
@@ -66,7 +66,7 @@ class Views:
 
     ships: tuple[str, ...] = SHIPS
     aspects: tuple[float, ...] = ASPECTS
-    between: tuple[float, ...] = BETWEEN
+    between: tuple[float, ...] = TEST_ASPECTS
     references: tuple[float, ...] = REFERENCES
     replicates: int = REPLICATES
     _kept: dict[Any, Any] = field(default_factory=dict, repr=False)
@@ -75,11 +75,11 @@ class Views:
         """Return ship and aspect of all views, ship by ship."""
         return [(ship, aspect) for ship in self.ships for aspect in aspects]
 
-    def extent(self, seen: Seen, ship: str, aspect: float) -> RangeExtent:
+    def extent(self, extent_of: ExtentOf, ship: str, aspect: float) -> RangeExtent:
         """Return a view's extent, computed once."""
-        key = seen, ship, aspect
+        key = extent_of, ship, aspect
         if key not in self._kept:
-            self._kept[key] = seen(ship, aspect)
+            self._kept[key] = extent_of(ship, aspect)
         extent: RangeExtent = self._kept[key]
         return extent
 
@@ -108,11 +108,11 @@ class Views:
         return np.array(drawn)
 
     def percent_right(
-        self, seen: Seen, averages: Floats, *, between: bool = False, **learn: Any
+        self, extent_of: ExtentOf, averages: Floats, *, between: bool = False, **learn: Any
     ) -> Floats:
-        """Return (replicate, group) percent correct with templates by `seen`."""
+        """Return (replicate, group) percent correct with templates by `extent_of`."""
         learned_views = self.ship_aspects(learn.get("aspects", self.aspects))
-        extents = [self.extent(seen, *view) for view in learned_views]
+        extents = [self.extent(extent_of, *view) for view in learned_views]
         moments = [
             _metre_moments(extent, *banded_frame_moments(extent, **SIGNAL)) for extent in extents
         ]
@@ -142,7 +142,7 @@ def _fine_extent(
 ) -> RangeExtent:
     """Return the extent by fine lines of a view from some range."""
     lines = line_image(
-        mesh, aspect=aspect, depression=DEPRESSION, spacing=FINE, slant_range=view_range
+        mesh, aspect=aspect, depression=DEPRESSION, spacing=FINE_SPACING, slant_range=view_range
     )
     return range_extent(
         lines, slant_range=slant_range, ifov=15.0 / slant_range, bin_width=bin_width
@@ -249,7 +249,7 @@ def _measure(views: Views) -> Report:
     best = views.percent_right(true_extent, views.averages)
     rows = _rows(views, best)
     percent = ", ".join(
-        f"{group}°: {mean:.1f}" for group, mean in zip(GROUPS, best.mean(axis=0), strict=False)
+        f"{group}°: {mean:.1f}" for group, mean in zip(ASPECT_BINS, best.mean(axis=0), strict=False)
     )
     return Report(
         f"Error budget: {', '.join(views.ships)}; 100 km, 30 ns, {FRAMES} frames",
@@ -257,7 +257,7 @@ def _measure(views: Views) -> Report:
             Column("source", "source"),
             Column("setting", "default"),
             Column("error", "profile error [%]", ".3g"),
-            *(Column(group, f"{group}° [points]") for group in GROUPS),
+            *(Column(group, f"{group}° [points]") for group in ASPECT_BINS),
             Column("how", "measured"),
         ),
         rows,
@@ -279,13 +279,13 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
     drawn = f"{Render.pixel.default:g} m, {Render.samples.default:g} samples"
     sampled = [partial(_sweep_extent, engine=engine) for engine in (choose_engine("auto"), "lines")]
 
-    def profiles(sampler: Seen) -> list[Floats]:
+    def profiles(sampler: ExtentOf) -> list[Floats]:
         return [_pulse(views.extent(sampler, *view)) for view in views.ship_aspects(views.aspects)]
 
-    def error_of(sampler: Seen) -> Sample:
+    def error_of(sampler: ExtentOf) -> Sample:
         return _errors(profiles(sampler), profiles(true_extent))
 
-    def templates(sampler: Seen) -> Floats:
+    def templates(sampler: ExtentOf) -> Floats:
         return views.percent_right(sampler, views.averages) - best
 
     return [
@@ -356,7 +356,7 @@ def _source_row(
     spread = change.std(axis=0, ddof=1) / math.sqrt(len(change))
     points = {
         group: f"{mean:+.1f} ± {2 * sigma:.1f}"
-        for group, mean, sigma in zip(GROUPS, change.mean(axis=0), spread, strict=False)
+        for group, mean, sigma in zip(ASPECT_BINS, change.mean(axis=0), spread, strict=False)
     }
     return {"source": name, "setting": setting, "error": error, "how": method} | points
 
@@ -389,7 +389,7 @@ def _draw_row(views: Views, best: Floats) -> dict[str, Any]:
         "error": Sample.of(errors),
         "how": "noise of an average, of amplitudes above the floor, in closed form (mean "
         "deviation); names: standard deviation of one draw",
-    } | {group: f"± {sigma:.1f}" for group, sigma in zip(GROUPS, deviation, strict=False)}
+    } | {group: f"± {sigma:.1f}" for group, sigma in zip(ASPECT_BINS, deviation, strict=False)}
 
 
 def _neighbour_distance(views: Views) -> Sample:

@@ -13,12 +13,12 @@ from docs._tables.result_tables import shares, views_of
 from docs._tables.sweeping import WORKERS
 from sweeps.engine.run.cluster import ClusterChoice
 
-REPEATS, SEEDS, FRESH, STEP = 20, 10, 2, 1.5
-LAST = 90.0
+REPEATS, SEEDS, FRESH_ASPECTS, STEP = 20, 10, 2, 1.5
+LAST_ASPECT = 90.0
 RANGES = (50, 100)  # km
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 BINS = ("0-30°", "30-60°", "60-90°", "overall")
-ASKED = (
+SWEEP = (
     *("grid.frame_count=16", f"grid.range=[{','.join(map(str, RANGES))}]", "render.engine=lines"),
     f"classifier.name=[{','.join(CLASSIFIERS)}]",
 )
@@ -27,7 +27,7 @@ ASKED = (
 def measure(
     repeats: int = REPEATS,
     seeds: int = SEEDS,
-    last: float = LAST,
+    last: float = LAST_ASPECT,
     more: Sequence[str] = (),
     workers: ClusterChoice = WORKERS,
 ) -> Report:
@@ -45,11 +45,11 @@ def measure(
         Where cells are computed.
     """
     answers = sweep_by_seed(
-        [*ASKED, *more],
+        [*SWEEP, *more],
         [f"classification/{name}" for name in CLASSIFIERS],
         seeds=repeats * seeds,
         learned=np.arange(0.0, last + 0.1, STEP).tolist(),
-        fresh=FRESH,
+        fresh=FRESH_ASPECTS,
         label="repeats of the procedure",
         workers=workers,
     )
@@ -74,9 +74,9 @@ def measure(
         ),
         rows,
         [
-            f"Each repeat has {seeds} seeds, with {FRESH} random aspects in every 30° and draws of "
-            "place and noise of its own. Its interval should hold the mean of the other repeats, "
-            "whose own error is allowed for: 95 % of these do if intervals are right."
+            f"Each repeat has {seeds} seeds, with {FRESH_ASPECTS} random aspects in every 30° and "
+            "draws of place and noise of its own. Its interval should hold the mean of the other "
+            "repeats, whose own error is allowed for: 95 % of these do if intervals are right."
         ],
     )
 

@@ -11,7 +11,7 @@ from benchmarks.reports import Column, Report
 
 SHIPS = ["duncan", "horne", "spruance", "texas"]
 CORES = WORKERS = 2
-FEW = 10  # of the rows of the first case, those of others
+ROW_RATIO = 10  # of the first case to others
 
 CASES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("profiles, 25 rows a view", {}),
@@ -54,7 +54,7 @@ def measure(*, rows: int = 100_000, workers: int = WORKERS) -> Report:
 def _rows(rows: int, workers: int) -> Iterator[dict[str, Any]]:
     ncti.dataset(SHIPS, 25, seed=0, sensor="both")  # compiles what is not compiled
     for case, options in CASES:
-        count = rows if not options else max(1, rows // FEW)
+        count = rows if not options else max(1, rows // ROW_RATIO)
         start = _processor_time()
         ncti.dataset(SHIPS, count, seed=0, workers=workers, **options)
         seconds = _processor_time() - start

@@ -29,10 +29,10 @@ from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag
 from ncti.render import line_image
 
 FRAMES = 4000
-STATES = 20
-LONGEST = 3000  # epochs
-DETECTOR, OTHER = 15.0, 18.0  # sides of an IFOV at 100 km [m]
-AVERAGED = 16
+RANDOM_STATES = 20
+MAX_EPOCHS = 3000  # epochs
+SIDE, OTHER_SIDE = 15.0, 18.0  # sides of an IFOV at 100 km [m]
+AVERAGED_FRAMES = 16
 
 Floats = NDArray[np.float64]
 
@@ -42,8 +42,8 @@ def passive_ratio() -> list[tuple[str, str, str]]:
     ours = float(snr(SLANT_RANGE))
     # The ratio is one of powers, the square of contrast over noise.
     noise = contrast(SLANT_RANGE) / math.sqrt(ours)
-    needed = math.sqrt(power_ratio(32)) * noise
-    at_zero = needed * contrast(0.0) / contrast(SLANT_RANGE)
+    stated_contrast = math.sqrt(power_ratio(32)) * noise
+    at_zero = stated_contrast * contrast(0.0) / contrast(SLANT_RANGE)
     return [
         (
             "SNR of the passive sensor at 100 km, 16 frames",
@@ -53,7 +53,7 @@ def passive_ratio() -> list[tuple[str, str, str]]:
         (
             f"contrast that 32 dB need with {noise:.1f} K of noise, at 100 km and without air",
             "0.27 K at 100 km in its Table 1",
-            f"{needed:.1f} K, {at_zero:.0f} K",
+            f"{stated_contrast:.1f} K, {at_zero:.0f} K",
         ),
     ]
 
@@ -111,13 +111,13 @@ def range_precision(frames: int = FRAMES) -> list[tuple[str, str, str]]:
     ]
 
 
-def epochs_to_tolerance(task: Task, states: int = STATES) -> tuple[Floats, Floats]:
+def epochs_to_tolerance(task: Task, states: int = RANDOM_STATES) -> tuple[Floats, Floats]:
     """Return epochs to the tolerance of (state,) networks with annealing, and without."""
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         epochs = [
             [
-                GainAnnealedNetwork(annealing=way, epochs=LONGEST, random_state=state)
+                GainAnnealedNetwork(annealing=way, epochs=MAX_EPOCHS, random_state=state)
                 .fit(task.training, task.label)
                 .n_iter_
                 for state in range(states)
@@ -128,7 +128,7 @@ def epochs_to_tolerance(task: Task, states: int = STATES) -> tuple[Floats, Float
     return annealed, constant
 
 
-def annealing(task: Task | None = None, states: int = STATES) -> list[tuple[str, str, str]]:
+def annealing(task: Task | None = None, states: int = RANDOM_STATES) -> list[tuple[str, str, str]]:
     """Compare the epochs that training takes with annealing of the gains and without."""
     from scipy import stats
 
@@ -151,15 +151,15 @@ def pixels(
 ) -> list[tuple[str, str, str]]:
     """Compare range profiles of pixels of 18 m at 100 km with those of 15 m."""
     rng = np.random.default_rng(0)
-    templates: dict[float, list[Floats]] = {DETECTOR: [], OTHER: []}
-    answers: dict[float, list[Floats]] = {DETECTOR: [], OTHER: []}
+    templates: dict[float, list[Floats]] = {SIDE: [], OTHER_SIDE: []}
+    answers: dict[float, list[Floats]] = {SIDE: [], OTHER_SIDE: []}
     for ship in ships:
         for aspect in aspects:
             view = line_image(ncti.ships.load(ship), aspect=aspect, depression=DEPRESSION)
-            for side in (DETECTOR, OTHER):
+            for side in (SIDE, OTHER_SIDE):
                 extent = range_extent(view, slant_range=SLANT_RANGE, ifov=side / SLANT_RANGE)
                 templates[side].append(profile_vector(expected_profile(extent, **SIGNAL)))
-                frames = sample_frames(extent, frame_count=AVERAGED, rng=rng, **SIGNAL)
+                frames = sample_frames(extent, frame_count=AVERAGED_FRAMES, rng=rng, **SIGNAL)
                 answers[side].append(profile_vector(frames.mean(axis=0)))
     similarity = [np.corrcoef(*pair)[0, 1] for pair in zip(*templates.values(), strict=True)]
     number = np.repeat(np.arange(len(ships)), len(aspects))
@@ -172,11 +172,11 @@ def pixels(
     return [
         (
             "range profiles of IFOVs of 18 m at 100 km: correlation with those of 15 m; averages "
-            f"of {AVERAGED} frames named right",
+            f"of {AVERAGED_FRAMES} frames named right",
             "15 m, and once 18 m",
             f"median {np.median(similarity):.3f}, least {min(similarity):.3f}; "
-            f"{score(OTHER, OTHER):.0f} % ({score(DETECTOR, OTHER):.0f} % by templates of 15 m), "
-            f"{score(DETECTOR, DETECTOR):.0f} % at 15 m",
+            f"{score(OTHER_SIDE, OTHER_SIDE):.0f} % ({score(SIDE, OTHER_SIDE):.0f} % by templates "
+            f"of 15 m), {score(SIDE, SIDE):.0f} % at 15 m",
         )
     ]
 
@@ -191,7 +191,7 @@ def measure() -> Report:
         [
             f"Range: {FRAMES} frames; the bound is that of Cramér and Rao over the fading of "
             "speckle, a Student's t of two degrees of freedom. Epochs: means of "
-            f"{STATES} random states, and their paired ratio with its 95 % interval. Profiles of "
-            "IFOVs: four ships every 6 degrees."
+            f"{RANDOM_STATES} random states, and their paired ratio with its 95 % interval. "
+            "Profiles of IFOVs: four ships every 6 degrees."
         ],
     )

@@ -20,7 +20,7 @@ from ncti.features import profile_vector
 GROUPS = ("0-27°", "30-57°", "60-90°")
 FRAMES = (32, 16, 8, 4)  # the rows of the article's Tables 2 and 4
 VIEW = ("ship", "aspect")
-DRAWN = ("seed", "replicate", "phase", "order", "draw")
+DRAW_DIMS = ("seed", "replicate", "phase", "order", "draw")
 
 DRAWS = ("grid.replicate=2", "seed=[0,1,2,3]")
 MNN = ("classifier=mnn", "grid.replicate=2", "seed=[0,1,2,3,4,5,6,7]")
@@ -57,7 +57,7 @@ def mean_and_error(draws: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
     Draws of several kinds are crossed, such as phases on the detector and orders of presentation:
     the variance is the sum over kinds of the variance of its means, over their number.
     """
-    kinds = [dim for dim in DRAWN if draws.sizes.get(dim, 1) > 1]
+    kinds = [dim for dim in DRAW_DIMS if draws.sizes.get(dim, 1) > 1]
     variance = xr.zeros_like(draws.mean(kinds))
     for kind in kinds:
         of_kind = draws.mean([dim for dim in kinds if dim != kind])
@@ -92,14 +92,14 @@ class Part:
         First of the mean to the article, then the expected one of a single draw to the mean.
         """
         source = xr.DataArray(np.asarray(self.source, dtype=np.float64), dims=self.over)
-        draws = [dim for dim in DRAWN if dim in self.ours.dims]
+        draws = [dim for dim in DRAW_DIMS if dim in self.ours.dims]
         distance = ((self.ours.mean(draws) - source) ** 2).mean(self.over) ** 0.5
         single = self.ours.var(draws, ddof=1).mean(self.over) ** 0.5
         return distance.transpose(parameter).values, single.transpose(parameter).values
 
 
 def fit_rows(
-    parameter: str, default: float, parts: Sequence[Part], shown: Mapping[str, xr.DataArray]
+    parameter: str, default: float, parts: Sequence[Part], other_figures: Mapping[str, xr.DataArray]
 ) -> list[dict[str, Any]]:
     """Return a row for every value of a parameter, with a star at the best of each part.
 
@@ -111,7 +111,7 @@ def fit_rows(
         Value in the project's settings, which is labelled.
     parts : sequence of Part
         Figures to compare.
-    shown : mapping of str to DataArray
+    other_figures : mapping of str to DataArray
         Further figures by heading, with draws: their mean and two standard errors.
     """
     values = parts[0].ours[parameter].values
@@ -123,7 +123,7 @@ def fit_rows(
         for k, row in enumerate(rows):
             best = " *" if k == distance.argmin() else ""
             row[part.name] = f"{distance[k]:.1f} ({single[k]:.1f}){best}"
-    for name, draws in shown.items():
+    for name, draws in other_figures.items():
         mean, error = mean_and_error(draws.transpose(parameter, ...))
         for row, middle, spread in zip(rows, mean.values, error.values, strict=True):
             row[name] = format_errors(middle, spread)
@@ -167,7 +167,7 @@ def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANC
             for count in counts
         ),
     ]
-    further = {
+    other_percentages = {
         "training [%]": trained,
         "16 frames [%]": tested.sel(frame_count=16),
     }
@@ -176,7 +176,7 @@ def tolerance(overrides: Sequence[str] = MNN, values: Sequence[float] = TOLERANC
         "MNN tolerance: fitted to the training row of Table 2, judged by its test rows",
         arguments,
         "tolerance",
-        fit_rows("tolerance", 0.35, parts, further),
+        fit_rows("tolerance", 0.35, parts, other_percentages),
         [f"{DISTANCES}A seed is another training. Source, by bin: training {source}."],
     )
 
@@ -192,7 +192,7 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
     acn, mnn, table3 = sweep_groups(arguments, groups).values()
     figures = article_figures()
     counts = [count for count in FRAMES if count in acn.frame_count]
-    parts, further = [], {}
+    parts, other_percentages = [], {}
     for name, answers, table in (
         ("ACN", acn, figures["table4_percent_correct"]),
         ("MNN", mnn, figures["table2_percent_correct"]),
@@ -208,7 +208,7 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
         for group in (1, 2):
             of_group = at_30.isel(group=group)
             parts.append(Part(f"{name} {GROUPS[group]}", of_group, printed[:, group], dims))
-        further[f"{name} bow, 16 frames, 10 / 30 / 50 ns [%]"] = score.isel(group=0).sel(
+        other_percentages[f"{name} bow, 16 frames, 10 / 30 / 50 ns [%]"] = score.isel(group=0).sel(
             frame_count=16
         )
     formed = table3.category_count.squeeze(drop=True).transpose("pulse_width", ...).values
@@ -218,7 +218,7 @@ def target_free(overrides: Sequence[str] = ACN, values: Sequence[float] = TARGET
         "G, target-free IFOVs a frame: fitted to 32 frames near the bow, judged by the rest",
         arguments,
         "G",
-        fit_rows("target_free_ifovs", 4000, parts, further),
+        fit_rows("target_free_ifovs", 4000, parts, other_percentages),
         [
             f"{DISTANCES}Categories at 10, 30 and 50 ns are "
             f"{', '.join(map(str, by_g[:, 0]))}, {note}. Source near the bow, 16 frames, 30 ns: "

@@ -26,16 +26,16 @@ from studies.run_time.reference import reference_range_extent
 from sweeps.stages.views import LINES, Render, image
 
 ASPECTS = tuple(float(aspect) for aspect in range(0, 91, 15))  # [deg]
-FAR = 1e12  # [m]: wavefronts are as flat as those of the reference
+REFERENCE_RANGE = 1e12  # [m]: wavefronts are as flat as those of the reference
 TOLERANCE = 0.002
 PULSES = (10.0, 30.0)  # [ns]; a tolerance holds after the shortest
-EDGES = np.arange(-125.0, 126.0)  # [m]
-SIDE = 15.0  # of an IFOV [m]
+BIN_EDGES = np.arange(-125.0, 126.0)  # [m]
+IFOV_SIDE = 15.0  # of an IFOV [m]
 How = tuple[str, tuple[float, ...]]
 """Engine, and `fineness` of a sweep's tolerance."""
 
 REPEATS, RAY_REPEATS = 5, 9  # how often views are timed, and rays
-ENDS = (0.5, 3.0, 10.0, 30.0, 90.0, 177.0)  # aspects, end-on views among them [deg]
+END_ON = (0.5, 3.0, 10.0, 30.0, 90.0, 177.0)  # aspects, end-on views among them [deg]
 SPACING = 0.25  # of lines and rays [m]
 
 RAYS = (
@@ -73,10 +73,10 @@ def measure(
                 ]
                 seconds = np.median(time_in_turn(drawn, repeats=repeats), axis=0)
                 exact = reference_range_extent(
-                    mesh, aspect=aspect, depression=DEPRESSION, bin_edges=EDGES
+                    mesh, aspect=aspect, depression=DEPRESSION, bin_edges=BIN_EDGES
                 ).area[0]
                 for k, (way, sampling) in enumerate(ways.items()):
-                    row = _errors(_extent(mesh, aspect, sampling, FAR), exact)
+                    row = _errors(_extent(mesh, aspect, sampling, REFERENCE_RANGE), exact)
                     times = {"cpu_ms": 1e3 * seconds[k], "ratio": seconds[k] / seconds[0]}
                     figures[way].append(times | row)
     rows: list[dict[str, Any]] = [
@@ -100,7 +100,7 @@ def measure(
 
 
 def measure_rays(
-    *, repeats: int = RAY_REPEATS, ships: Sequence[str] = SHIPS, aspects: Sequence[float] = ENDS
+    *, repeats: int = RAY_REPEATS, ships: Sequence[str] = SHIPS, aspects: Sequence[float] = END_ON
 ) -> Report:
     """Return times of views by lines and by as many of embree's rays, end-on to abeam.
 
@@ -159,7 +159,7 @@ def _extent(mesh: trimesh.Trimesh, aspect: float, sampling: How, slant_range: fl
         sampling=Sampling(engine, Render.pixel.default, Render.samples.default, ROLL),
         fineness=fineness,
     )
-    return range_extent(view, slant_range=slant_range, ifov=SIDE / slant_range)
+    return range_extent(view, slant_range=slant_range, ifov=IFOV_SIDE / slant_range)
 
 
 def _errors(extent: RangeExtent, exact: Any) -> dict[str, float]:

@@ -64,7 +64,7 @@ class Condition:
     variants: int = 0
 
 
-ALIKE = Condition("none", "place drawn, all else as learned")
+UNCHANGED = Condition("none", "place drawn, all else as learned")
 CONDITIONS = (
     Condition("place", "at the corner, as the first place of templates", corner=True),
     Condition("depression", "0.45° less: 22,000 ft over a round Earth", depression=-0.45),
@@ -99,15 +99,15 @@ def measure(seeds: int = SEEDS, tests: int = TESTS, step: float = STEP) -> Repor
             condition: np.array(
                 [_percent(classifiers, condition, seed, tests) for seed in range(seeds)]
             )
-            for condition in (ALIKE, *CONDITIONS)
+            for condition in (UNCHANGED, *CONDITIONS)
         }
-    best = of_all[ALIKE]
+    best = of_all[UNCHANGED]
     rows: list[dict[str, Any]] = []
     for condition, percent in of_all.items():
         row: dict[str, Any] = {"what": condition.name, "size": condition.size}
         for name, now, before in zip(CLASSIFIERS, percent.T, best.T, strict=True):
             change = mean_over_seeds(now - before, bounds=(-100.0, 100.0)).text(1, "+")
-            row[name] = mean_over_seeds(now).text() if condition is ALIKE else change
+            row[name] = mean_over_seeds(now).text() if condition is UNCHANGED else change
         rows.append(row)
     heads = (Column("what", "what differs"), Column("size", "by"))
     return Report(

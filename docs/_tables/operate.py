@@ -40,19 +40,19 @@ from sweeps.stages.views import Grid
 Floats = NDArray[np.float64]
 SHIPS = ("duncan", "horne", "spruance", "texas")
 AXES = ("range", "ifov", "cnr", "pulse_width", "frame_count", "fleet")
-OF_SENSORS = (Grid.range, Ladar.ifov, Ladar.cnr, Grid.pulse_width, Grid.frame_count)
-WHOLE = ("+experiment=operate",)
+SENSOR_AXES = (Grid.range, Ladar.ifov, Ladar.cnr, Grid.pulse_width, Grid.frame_count)
+EXPERIMENT = ("+experiment=operate",)
 LEVELS = (0, 50, 80, 95, 100)  # percent identified by the better of two sensors
 TAIL = 0.025
-OPEN = [
-    *(*WHOLE, "grid.range=[50,100]", "ladar.ifov=150", "ladar.cnr=32"),
+OPEN_SWEEP = [
+    *(*EXPERIMENT, "grid.range=[50,100]", "ladar.ifov=150", "ladar.cnr=32"),
     *("grid.pulse_width=[10,30]", "operate.fleet=[4,6,10,20,60]"),
     "ladar.target_free_ifovs=[0,1000,4000,16000]",
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
 ]
 # Settings between those of the sweep.
-BETWEEN = [
-    *(*WHOLE, "grid.range=[60,85]", "ladar.ifov=[105]", "ladar.cnr=[26,30]"),
+BETWEEN_SWEEP = [
+    *(*EXPERIMENT, "grid.range=[60,85]", "ladar.ifov=[105]", "ladar.cnr=[26,30]"),
     *("grid.pulse_width=[14,40]", "grid.frame_count=[6,23]", "operate.fleet=[4,10,30]"),
 ]
 
@@ -218,7 +218,7 @@ def likelihood_report(tests: int = 400, draws: int = 12) -> Report:
 
 def open_parameter_report(shares: xr.Dataset) -> Report:
     """Return percentages and required frames by the parameters that the article leaves open."""
-    needed, rows = frames_needed(shares).isel(resample=0), []
+    frame_counts, rows = frames_needed(shares).isel(resample=0), []
     for free in shares.target_free_ifovs.values:
         for gain in shares.gain_sigma.values:
             for floor in shares.floor_sigma.values:
@@ -230,7 +230,7 @@ def open_parameter_report(shares: xr.Dataset) -> Report:
                     for channel in ("profile", "both"):
                         cell = setting | {"range": km, "channel": channel, "pulse_width": 30}
                         share = 100 * shares.share.sel(cell).sel(fleet=6, frame_count=16)
-                        frames = needed.sel(cell).sel(fleet=4).item()
+                        frames = frame_counts.sel(cell).sel(fleet=4).item()
                         row[f"{channel}_{km}"] = float(share.item())
                         row[f"frames_{channel}_{km}"] = "–" if frames == np.inf else f"{frames:.0f}"
                 rows.append(row)
@@ -367,7 +367,7 @@ def _fusion_row(
     }
 
 
-def lone_settings(overrides: Sequence[str] = WHOLE) -> Iterator[LoneSetting]:
+def lone_settings(overrides: Sequence[str] = EXPERIMENT) -> Iterator[LoneSetting]:
     """Yield random settings of a sweep, one for each number of ships, with only these ships.
 
     Ships share a covariance, so figures equal the sweep's only if all its ships take part.
@@ -377,7 +377,7 @@ def lone_settings(overrides: Sequence[str] = WHOLE) -> Iterator[LoneSetting]:
     order = fleet_order(ships)
     rng = np.random.default_rng(0)
     for fleet in choices[Operate.fleet]:
-        point = {setting.name: rng.choice(choices[setting]).item() for setting in OF_SENSORS} | {
+        point = {setting.name: rng.choice(choices[setting]).item() for setting in SENSOR_AXES} | {
             "fleet": fleet
         }
 
@@ -386,7 +386,7 @@ def lone_settings(overrides: Sequence[str] = WHOLE) -> Iterator[LoneSetting]:
 
         ship_list = ",".join(ships[k] for k in order[:fleet])
         values = [
-            f"{setting.key}={point[setting.name]}" for setting in (*OF_SENSORS, Operate.fleet)
+            f"{setting.key}={point[setting.name]}" for setting in (*SENSOR_AXES, Operate.fleet)
         ]
         arguments = (*overrides, f"grid.ship=[{ship_list}]", *values)
         yield LoneSetting(arguments, is_same if fleet == len(ships) else None)
@@ -394,11 +394,11 @@ def lone_settings(overrides: Sequence[str] = WHOLE) -> Iterator[LoneSetting]:
 
 def measure() -> dict[str, Report]:
     """Return all tables of the page."""
-    choices = choices_of(WHOLE)
-    settings = math.prod(len(choices[setting]) for setting in (*OF_SENSORS, Operate.fleet))
-    (shares,), engine = prove_sweep(WHOLE, ["operate"], settings, lone_settings())
+    choices = choices_of(EXPERIMENT)
+    settings = math.prod(len(choices[setting]) for setting in (*SENSOR_AXES, Operate.fleet))
+    (shares,), engine = prove_sweep(EXPERIMENT, ["operate"], settings, lone_settings())
     open_shares, between = (
-        sweep_groups(arguments, ["operate"])["operate"] for arguments in (OPEN, BETWEEN)
+        sweep_groups(arguments, ["operate"])["operate"] for arguments in (OPEN_SWEEP, BETWEEN_SWEEP)
     )
     between = between.expand_dims({name: [105.0] for name in ("ifov",) if name not in between.dims})
     reports = {

@@ -16,7 +16,7 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.stages.classifier import draw_aspects
 
 LEVEL = 0.95
-RARE = 10  # views, right or wrong, below which Student's t covers too little
+MIN_VIEWS = 10  # views, right or wrong, below which Student's t covers too little
 
 Floats = NDArray[np.float64]
 Array = TypeVar("Array", xr.DataArray, xr.Dataset)
@@ -67,7 +67,7 @@ def mean_over_seeds(
     low, high = mean - reach, mean + reach
     if views is not None:
         share, count = mean / 100, views * seeds.size
-        if min(share, 1 - share) * count < RARE:
+        if min(share, 1 - share) * count < MIN_VIEWS:
             z = stats.norm.isf((1 - LEVEL) / 2)
             centre = (share + z**2 / (2 * count)) / (1 + z**2 / count)
             half = z * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))

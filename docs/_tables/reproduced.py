@@ -15,10 +15,10 @@ from studies.reproduction import FITS, PRIORS, Choice
 from studies.reproduction.stages import Reproduce
 
 EXPERIMENT = ("+experiment=reproduce",)
-PART = (*EXPERIMENT, "reproduce.setting=256")
-AGREES = 2.0  # standard deviations
-SHOWN = ("2, 3", "4, 5", "all")  # fits whose parameters are listed
-LISTED = 6  # parameters, those that posteriors say most of
+PARTIAL_SWEEP = (*EXPERIMENT, "reproduce.setting=256")
+MAX_DEVIATIONS = 2.0  # standard deviations
+LISTED_FITS = ("2, 3", "4, 5", "all")  # fits whose parameters are listed
+MAX_PARAMETERS = 6  # parameters, those that posteriors say most of
 CATEGORIES = {
     "Table 3, categories": "Table 3, categories at 10 / 30 / 50 ns",
     "Table 5": "Table 5, categories",
@@ -31,7 +31,9 @@ def lone_settings(count: int = 16) -> Iterator[LoneSetting]:
         yield LoneSetting((*EXPERIMENT, "reproduce.setting=1", f"seed={seed}"))
 
 
-def measure(overrides: Sequence[str] = EXPERIMENT, part: Sequence[str] = PART) -> dict[str, Report]:
+def measure(
+    overrides: Sequence[str] = EXPERIMENT, part: Sequence[str] = PARTIAL_SWEEP
+) -> dict[str, Report]:
     """Return the reports of a sweep of settings: its figures, fits, parameters and engine.
 
     The report of the engine computes part of the settings anew.
@@ -68,7 +70,7 @@ def figure_report(figures: xr.Dataset, command: str) -> Report:
             "agreeing": join_slashed(100 * row_figures.agreeing.values),
             "nearest": join_slashed(row_figures.nearest.values, ".1f"),
         }
-        for fit in SHOWN:
+        for fit in LISTED_FITS:
             fitted = row_figures.sel(fitted=fit)
             ends = zip(fitted.percent_low.values, fitted.percent_high.values, strict=True)
             row[fit] = f"{join_slashed(fitted.percent.values)} ({join_slashed(ends)})"
@@ -81,14 +83,14 @@ def figure_report(figures: xr.Dataset, command: str) -> Report:
             Column("range", "all settings"),
             Column("agreeing", "settings that agree [%]"),
             Column("nearest", "nearest [σ]"),
-            *(Column(fit, f"fitted to {fit}") for fit in SHOWN),
+            *(Column(fit, f"fitted to {fit}") for fit in LISTED_FITS),
         ),
         rows,
         [
             f"{command} Percent correct, by bin. All settings: least–largest mean of their draws. "
-            f"A setting agrees within {AGREES:g} standard deviations, binomial ones of as many "
-            "views as the article's and those of our mean. Fitted: mean of the posterior, and its "
-            "middle 95 %."
+            f"A setting agrees within {MAX_DEVIATIONS:g} standard deviations, binomial ones of as "
+            "many views as the article's and those of our mean. Fitted: mean of the posterior, and "
+            "its middle 95 %."
         ],
     )
 
@@ -110,7 +112,7 @@ def fit_report(fits: xr.Dataset, figures: int, command: str) -> Report:
         for fit in FITS
         for fitted in [fits.sel(fitted=fit)]
     ]
-    least = ", ".join(f"{value:.1f}" for value in fits.least.values)
+    minima = ", ".join(f"{value:.1f}" for value in fits.least.values)
     return Report(
         "Chi-square per figure of each table",
         (
@@ -122,7 +124,7 @@ def fit_report(fits: xr.Dataset, figures: int, command: str) -> Report:
         rows,
         [
             f"{command} Mean of the posterior; in brackets the setting of the largest weight; * "
-            f"tables that it is not fitted to. The least of all settings: {least}. One setting "
+            f"tables that it is not fitted to. The least of all settings: {minima}. One setting "
             f"agrees with at most {int(fits.together)} of {figures} figures."
         ],
     )
@@ -130,9 +132,9 @@ def fit_report(fits: xr.Dataset, figures: int, command: str) -> Report:
 
 def parameter_report(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Dataset) -> Report:
     """Return the parameters with the most informative posteriors."""
-    information = parameters.information.sel(fitted=list(SHOWN))
-    most = information.max("fitted")
-    names = most.sortby(most, ascending=False).parameter.values[:LISTED]
+    information = parameters.information.sel(fitted=list(LISTED_FITS))
+    largest = information.max("fitted")
+    names = largest.sortby(largest, ascending=False).parameter.values[:MAX_PARAMETERS]
     rows: list[dict[str, Any]] = []
     for name in map(str, names):
         prior, posteriors = PRIORS[name], parameters.sel(parameter=name)
@@ -141,7 +143,7 @@ def parameter_report(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Data
             row["prior"] = ", ".join(map(str, prior.values)).replace("_", " ")
         else:
             row["prior"] = f"{format_number(prior.low)}–{format_number(prior.high)}"
-        for fit in SHOWN:
+        for fit in LISTED_FITS:
             posterior = posteriors.sel(fitted=fit)
             median, low, high = (
                 float(posterior[key]) for key in ("median", "median_low", "median_high")
@@ -160,7 +162,7 @@ def parameter_report(parameters: xr.Dataset, fits: xr.Dataset, settings: xr.Data
         (
             Column("what", "parameter"),
             Column("prior", "prior"),
-            *(Column(fit, f"fitted to {fit}") for fit in SHOWN),
+            *(Column(fit, f"fitted to {fit}") for fit in LISTED_FITS),
         ),
         rows,
         [

@@ -25,12 +25,12 @@ from ncti.features import profile_vector
 from ncti.irar import profile_correlation
 
 CLASSIFIERS = ("acn", "mnn", "correlation", "likelihood")
-FLOWN = (
+FLIGHTS = (
     *("sensor=irar", "grid.ship=[connole,roberts,duncan]", "grid.replicate=4"),
     "grid.aspect=175",
 )
-NEAR = 10  # bins by which profiles of two ships may be shifted against each other
-PUT_IN = ("stern_to_hangar", "transom_ratio", "mast_position", "forward_position")
+MAX_SHIFT = 10  # bins by which profiles of two ships may be shifted against each other
+ASSUMED_PARAMETERS = ("stern_to_hangar", "transom_ratio", "mast_position", "forward_position")
 TILTS = ("mast_tilt", "waterline_tilt", "intensity_mast_tilt", "intensity_waterline_tilt")
 
 
@@ -151,12 +151,12 @@ def protocol(fresh: int = 10, replicates: int = 8) -> Report:
     )
 
 
-def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
+def near_stern(overrides: Sequence[str] = FLIGHTS) -> Report:
     """Return the features of Figure 16: due to the models, and due to the flight."""
     (flights,) = sweep_groups(overrides, ["validation"]).values()
     flights = flights.squeeze(drop=True)
     rows: list[dict[str, Any]] = []
-    for name in PUT_IN:
+    for name in ASSUMED_PARAMETERS:
         row = {"what": flights[name].attrs["long_name"]}
         for ship in ("duncan", "roberts"):
             of_ship = flights[name].sel(ship=ship)
@@ -197,8 +197,8 @@ def near_stern(overrides: Sequence[str] = FLOWN) -> Report:
         [
             f"`ncti-sweep {' '.join(overrides)}`. Landmarks: flown less noiseless. Mean ± two "
             f"standard errors of {flights.sizes['replicate']} draws. Correlations are the best "
-            f"within shifts of {NEAR} m. Of the Duncan's {len(components('duncan'))} components "
-            f"{len(components('duncan') & components('roberts'))} are repeated in the "
+            f"within shifts of {MAX_SHIFT} m. Of the Duncan's {len(components('duncan'))} "
+            f"components {len(components('duncan') & components('roberts'))} are repeated in the "
             "Roberts's sheet."
         ],
     )
@@ -218,7 +218,7 @@ def format_mean(draws: xr.DataArray, digits: int = 2) -> str:
 
 def best_correlation(first: Floats, second: Floats) -> float:
     """Return the highest correlation of two profiles shifted against each other."""
-    shifts = range(-NEAR, NEAR + 1)
+    shifts = range(-MAX_SHIFT, MAX_SHIFT + 1)
     return max(float(profile_correlation(np.roll(first, shift), second)) for shift in shifts)
 
 

@@ -12,8 +12,8 @@ from benchmarks.reports import Column, Report
 from docs._tables.repeated import list_argument, mean_over_seeds, pick
 
 FLIGHT = ("sensor=irar", "grid.aspect=175")
-NEAR = ("+experiment=validation", "irar.pictures=false")
-FLOWN = ("connole", "roberts")
+NEAR_STERN = ("+experiment=validation", "irar.pictures=false")
+MEASURED_SHIPS = ("connole", "roberts")
 MISSIONS = {"connole": 3, "roberts": 3.9, "duncan": 4}  # slant ranges [km], as in the experiment
 CLUTTERS = (0, 0.3, 1)  # of the sea [K]
 CHAINS = ("+experiment=corrections",)
@@ -25,7 +25,7 @@ ERRORS = {  # of navigation, that the table has; units are below
     "pointing": (-1, 1),
 }
 UNITS = {"aircraft_speed": " %", "ship_speed": " m/s"}  # of errors; others are degrees
-WRONG = tuple((name, value) for name, values in ERRORS.items() for value in values)
+NAVIGATION_ERRORS = tuple((name, value) for name, values in ERRORS.items() for value in values)
 SENSITIVITY = (
     "+experiment=sensitivity",
     *(f"irar.errors.{name}={list_argument(values)}" for name, values in ERRORS.items()),
@@ -69,12 +69,12 @@ def mean_heading(draws: int) -> str:
 
 def near_stern(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return landmarks of near-stern profiles, and the likeness of all to noiseless profiles."""
-    nominal = ASSUMED["nothing"]
-    duncan, roberts = pick(flights["duncan"], **nominal), flights["roberts"]
+    no_assumption = ASSUMED["nothing"]
+    duncan, roberts = pick(flights["duncan"], **no_assumption), flights["roberts"]
     columns = {
         "Duncan synthetic, point sampled": duncan.sel(source="point"),
         "the same, spread": duncan.sel(source="synthetic"),
-        "Roberts flown past": pick(roberts, **nominal, source="measured"),
+        "Roberts flown past": pick(roberts, **no_assumption, source="measured"),
         "with a dark transom*": pick(roberts, **ASSUMED["dark transoms*"], source="measured"),
         "with masts x 3*": pick(roberts, **ASSUMED["masts x 3*"], source="measured"),
     }
@@ -193,7 +193,7 @@ def sensitivity(flights: xr.Dataset) -> dict[str, Report]:
     flights = flights.squeeze(drop=True)
     pairs = list(zip(flights.error_parameter.values, flights.error_value.values, strict=True))
     rows = []
-    for name, value in (("none", 0.0), *WRONG):
+    for name, value in (("none", 0.0), *NAVIGATION_ERRORS):
         correlation = flights.profile_correlation.isel(error=pairs.index((name, value)))
         error = f"{name.replace('_', ' ')} {value:+g}{UNITS.get(name, '°')}"
         row = {"what": error if value else "none"}

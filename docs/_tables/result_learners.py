@@ -13,7 +13,7 @@ from docs._tables.result_tables import STEP, Answers
 TREES = 300
 
 
-def learners(found: Answers) -> dict[str, Report]:
+def learners(by_seed: Answers) -> dict[str, Report]:
     """Return the table of the multilayered network, and of a random forest of raw averages."""
     names = ("0-30°", "30-60°", "60-90°", "overall")
     shares: dict[str, list[dict[str, float]]] = {
@@ -21,7 +21,7 @@ def learners(found: Answers) -> dict[str, Report]:
         "MNN, ship alone": [],
         "random forest of raw averages, which show gain and floor": [],
     }
-    for seed, groups in enumerate(found):
+    for seed, groups in enumerate(by_seed):
         answers = groups["classification/mnn"]
         new = ~multiples_mask(answers.aspect.values, STEP)
         bins = {name: mask & new for name, mask in bins_of(answers.aspect.values).items()}
@@ -30,7 +30,7 @@ def learners(found: Answers) -> dict[str, Report]:
             shares.values(), (answers.correct, answers.ship_correct, forest), strict=True
         ):
             rows.append({name: percent_of(correct, bins[name]) for name in names})
-    title = f"percent correct at 100 km, mean of {len(found)} seeds [95 % interval]"
+    title = f"percent correct at 100 km, mean of {len(by_seed)} seeds [95 % interval]"
     return {
         "learners": Report(
             "Other learners at new aspects",

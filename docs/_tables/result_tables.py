@@ -39,7 +39,7 @@ GROUPS = tuple(f"classification/{name}" for name in dict.fromkeys(row[1] for row
 
 
 def shares(
-    found: Answers,
+    by_seed: Answers,
     group: str,
     name: str,
     places: Mapping[str, object] | None = None,
@@ -48,7 +48,7 @@ def shares(
 ) -> list[float]:
     """Return percent correct of each seed in a bin of aspects, at new or at learned ones."""
     percentages = []
-    for groups in found:
+    for groups in by_seed:
         correct = pick(groups[group].correct, **(places or {}))
         chosen = bins_of(correct.aspect.values)[name]
         chosen = chosen & (multiples_mask(correct.aspect.values, STEP) == learned)
@@ -56,17 +56,17 @@ def shares(
     return percentages
 
 
-def views_of(found: Answers, group: str, name: str) -> int:
+def views_of(by_seed: Answers, group: str, name: str) -> int:
     """Return the number of new views of a seed in a bin of aspects."""
-    answers = found[0][group]
+    answers = by_seed[0][group]
     aspect = answers.aspect.values
     new = bins_of(aspect)[name] & ~multiples_mask(aspect, STEP)
     return int(new.sum()) * answers.sizes["ship"]
 
 
-def new_aspects(found: Answers) -> dict[str, Report]:
+def new_aspects(by_seed: Answers) -> dict[str, Report]:
     """Return the tables of classifiers at aspects absent from training, and of the README."""
-    seeds = len(found)
+    seeds = len(by_seed)
     names = ("0-30°", "30-60°", "60-90°", "overall")
     rows, summary = [], []
     for km in RANGES:
@@ -75,9 +75,9 @@ def new_aspects(found: Answers) -> dict[str, Report]:
             setting = {"range": km, "template_spacing": STEP, **places}
             row: dict[str, Any] = {"what": f"{km} km: {label}"}
             for name in names:
-                views = views_of(found, group, name)
-                row[name] = text_of(shares(found, group, name, setting), views=views)
-            learned = shares(found, group, "overall", setting, learned=True)
+                views = views_of(by_seed, group, name)
+                row[name] = text_of(shares(by_seed, group, name, setting), views=views)
+            learned = shares(by_seed, group, "overall", setting, learned=True)
             row["learned"] = f"{np.mean(learned):.0f}"
             rows.append(row)
     for label, source_row in (
@@ -108,7 +108,7 @@ def new_aspects(found: Answers) -> dict[str, Report]:
             ),
             rows,
         ),
-        "spacing": spacings(found),
+        "spacing": spacings(by_seed),
     }
 
 
@@ -123,7 +123,7 @@ def add_known(summary: Report, known: Report) -> Report:
     return replace(summary, rows=[summary.rows[0], *rows, *summary.rows[1:]])
 
 
-def spacings(found: Answers) -> Report:
+def spacings(by_seed: Answers) -> Report:
     """Return the table of spacings of templates."""
     rows = []
     for km in (25, 100):
@@ -135,15 +135,15 @@ def spacings(found: Answers) -> Report:
             for spacing in SPACINGS:
                 setting = {"range": km, "template_spacing": spacing, **places}
                 for name in ("60-90°", "overall"):
-                    views = views_of(found, group, name)
+                    views = views_of(by_seed, group, name)
                     row[f"{spacing:g} {name}"] = text_of(
-                        shares(found, group, name, setting), views=views
+                        shares(by_seed, group, name, setting), views=views
                     )
             rows.append(row)
     return Report(
         "Ships identified at new aspects, by spacing of templates",
         (
-            Column("what", f"percent correct, mean of {len(found)} seeds [95 % interval]"),
+            Column("what", f"percent correct, mean of {len(by_seed)} seeds [95 % interval]"),
             *(
                 Column(f"{spacing:g} {name}", f"{spacing:g}°, {name}")
                 for spacing in SPACINGS
@@ -154,14 +154,14 @@ def spacings(found: Answers) -> Report:
     )
 
 
-def fusion(found: Answers, shifted: Answers) -> Report:
+def fusion(by_seed: Answers, shifted: Answers) -> Report:
     """Return the gain of both sensors over the better one, in the same draws.
 
     At all ranges, and at 100 km also with images super-resolved from shifted frames.
     """
     rows = []
     names = ("0-30°", "30-60°", "60-90°")
-    looks = [(f"{km} km", found, km) for km in RANGES]
+    looks = [(f"{km} km", by_seed, km) for km in RANGES]
     for label, of_look, km in [*looks, ("100 km, 4 x 16 shifted frames", shifted, 100)]:
         row: dict[str, Any] = {"what": label}
         for spacing in SPACINGS:
@@ -182,7 +182,7 @@ def fusion(found: Answers, shifted: Answers) -> Report:
     return Report(
         "Gain of both sensors over the better one",
         (
-            Column("what", f"points gained, mean of {len(found)} seeds [95 % interval]"),
+            Column("what", f"points gained, mean of {len(by_seed)} seeds [95 % interval]"),
             *(
                 Column(f"{spacing:g} {name}", f"{spacing:g}°, {name}")
                 for spacing in SPACINGS
@@ -233,7 +233,7 @@ def sensors(near: Answers, far: Answers) -> dict[str, Report]:
     return {"sensors": Report("Both sensors where each carries information", columns, rows)}
 
 
-def prior_knowledge(found: Answers) -> dict[str, Report]:
+def prior_knowledge(by_seed: Answers) -> dict[str, Report]:
     """Return the table of classifiers that know gain and floor, at 100 km."""
     group, rows = "classification/likelihood", []
     names = ("0-30°", "30-60°", "60-90°", "overall")
@@ -242,7 +242,7 @@ def prior_knowledge(found: Answers) -> dict[str, Report]:
         rows.append(
             {"what": label}
             | {
-                name: text_of(percentages(name), views=views_of(found, group, name))
+                name: text_of(percentages(name), views=views_of(by_seed, group, name))
                 for name in names
             }
         )
@@ -256,10 +256,10 @@ def prior_knowledge(found: Answers) -> dict[str, Report]:
         add(
             label,
             lambda name, gain=gain, floor=floor: shares(  # type: ignore[misc]
-                found, group, name, {"gain_sigma": gain, "floor_sigma": floor}
+                by_seed, group, name, {"gain_sigma": gain, "floor_sigma": floor}
             ),
         )
-    title = f"percent correct at 100 km, mean of {len(found)} seeds [95 % interval]"
+    title = f"percent correct at 100 km, mean of {len(by_seed)} seeds [95 % interval]"
     columns = (Column("what", title), *(Column(name, name) for name in names))
     return {"known": Report("Known gain and floor", columns, rows)}
 
@@ -273,7 +273,7 @@ KNOWLEDGE = {
 """Prior standard deviations of gain and floor, by prior knowledge."""
 
 
-def places(found: Mapping[str, Answers]) -> dict[str, Report]:
+def places(by_places: Mapping[str, Answers]) -> dict[str, Report]:
     """Return percent correct, log loss and calibration error by the places of templates."""
     rows: list[dict[str, Any]] = []
     for known, sigmas in KNOWLEDGE.items():
@@ -281,7 +281,7 @@ def places(found: Mapping[str, Answers]) -> dict[str, Report]:
             {"what": f"{known}: {name}"}
             for name in ("percent correct", "log loss", "calibration error, all seeds together")
         )
-        for label, answers in found.items():
+        for label, answers in by_places.items():
             groups = [by_group["classification/likelihood"] for by_group in answers]
             of_seed = [confidence([group], sigmas) for group in groups]
             correct[label] = text_of(
@@ -290,8 +290,8 @@ def places(found: Mapping[str, Answers]) -> dict[str, Report]:
             loss[label] = mean_over_seeds([scores.log_loss for scores in of_seed]).text(2)
             calibration[label] = f"{confidence(groups, sigmas).ece:.2f}"
         rows += [correct, loss, calibration]
-    title = f"100 km, mean of {len(next(iter(found.values())))} seeds [95 % interval]"
-    columns = (Column("what", title), *(Column(label, label) for label in found))
+    title = f"100 km, mean of {len(next(iter(by_places.values())))} seeds [95 % interval]"
+    columns = (Column("what", title), *(Column(label, label) for label in by_places))
     return {"places": Report("Places of the ship that templates know", columns, rows)}
 
 
@@ -323,22 +323,22 @@ def confidence(several: Sequence[xr.Dataset], where: Mapping[str, object]) -> Sc
 TRACKS = (10, 5, 2, 0)  # standard deviations of a tracker's aspect [deg]
 
 
-def track_benefit(found: Answers, with_track: Answers) -> dict[str, Report]:
+def track_benefit(by_seed: Answers, with_track: Answers) -> dict[str, Report]:
     """Return the table of the benefit of a track, by its error and by prior knowledge."""
     group, rows = "classification/likelihood", []
     for spacing in (STEP, 4 * STEP):
         for label, knowledge in KNOWLEDGE.items():
             setting: dict[str, object] = {"template_spacing": spacing, **knowledge}
-            views = views_of(found, group, "overall")
+            views = views_of(by_seed, group, "overall")
             row = {"what": f"templates every {spacing:g}°: {label}"}
-            row["no track"] = text_of(shares(found, group, "overall", setting), views=views)
+            row["no track"] = text_of(shares(by_seed, group, "overall", setting), views=views)
             for sigma in TRACKS:
                 percentages = shares(
                     with_track, group, "overall", setting | {"aspect_sigma": sigma}
                 )
                 row[f"{sigma}°"] = text_of(percentages, views=views)
             rows.append(row)
-    title = f"percent correct at 100 km, mean of {len(found)} seeds [95 % interval]"
+    title = f"percent correct at 100 km, mean of {len(by_seed)} seeds [95 % interval]"
     columns = (
         Column("what", title),
         *(Column(name, name) for name in ("no track", *(f"{sigma}°" for sigma in TRACKS))),
@@ -357,10 +357,10 @@ def seed_percentages(correct: xr.DataArray, name: str) -> list[float]:
     return [percent_of(correct.sel(seed=seed), chosen) for seed in correct.seed.values]
 
 
-def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
+def protocol(groups: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the tables of the article's protocol: learned aspects at 100 km, and silhouettes."""
-    acn, mnn = found["classification/acn"], found["classification/mnn"]
-    answers = found["classification/likelihood"].correct
+    acn, mnn = groups["classification/acn"], groups["classification/mnn"]
+    answers = groups["classification/likelihood"].correct
     seeds = acn.sizes["seed"]
     still = {"learn_in_test": False}
     profiles: list[tuple[str, xr.DataArray]] = [
@@ -377,7 +377,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ("MNN, ship alone, 16 frames", pick(mnn.ship_correct, frame_count=16)),
         (
             "correlation with every profile learned, 16 frames",
-            pick(found["classification/correlation"].correct, frame_count=16),
+            pick(groups["classification/correlation"].correct, frame_count=16),
         ),
         (
             "maximum likelihood, gain and floor unknown, 16 frames",
@@ -385,7 +385,7 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
         ),
         ("maximum likelihood, gain known, 16 frames", pick(answers, frame_count=16, gain_sigma=0)),
     ]
-    silhouette_answers = pick(found["classification/acn_infrared"].correct, **still)
+    silhouette_answers = pick(groups["classification/acn_infrared"].correct, **still)
     silhouettes = []
     for label, km, way in (
         ("25 km", 25, "none"),
@@ -420,9 +420,9 @@ def protocol(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     return reports
 
 
-def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
+def categories(groups: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the numbers of categories by pulse width; orders of presentation are redrawn."""
-    category = found["classification/acn"]["training_category"].max(("ship", "aspect")) + 1
+    category = groups["classification/acn"]["training_category"].max(("ship", "aspect")) + 1
     category = category.isel(order=slice(1, None))  # the first is the grid's own, of every seed
     width = [int(value) for value in category.pulse_width.values]
     row: dict[str, Any] = {"what": "here"}
@@ -445,8 +445,8 @@ def categories(found: Mapping[str, xr.Dataset]) -> dict[str, Report]:
 
 
 UNKNOWN_SHIPS = ("connole", "roberts")
-DENSE = (0.5, 1.5, 3)  # spacings of templates [deg]
-REJECTED = 0.9  # of answers to unknown ships
+TEMPLATE_SPACINGS = (0.5, 1.5, 3)  # spacings of templates [deg]
+REJECTED_SHARE = 0.9  # of answers to unknown ships
 
 
 def open_set(
@@ -456,7 +456,9 @@ def open_set(
 
     Ships of the alternative are not tested.
     """
-    answers = classified.isel(aspect=~multiples_mask(classified.aspect.values, DENSE[0]))
+    answers = classified.isel(
+        aspect=~multiples_mask(classified.aspect.values, TEMPLATE_SPACINGS[0])
+    )
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
     known = ~np.isin(answers.ship.values, strangers)
     arrays = {
@@ -466,7 +468,7 @@ def open_set(
     similarity, right = (array.transpose("ship", ...).values for array in arrays.values())
     learned = np.broadcast_to(known.reshape(-1, *[1] * (similarity.ndim - 1)), similarity.shape)
     scores = open_set_scores(similarity, right, learned)
-    limit = np.quantile(similarity[~learned], REJECTED, method="inverted_cdf")
+    limit = np.quantile(similarity[~learned], REJECTED_SHARE, method="inverted_cdf")
     retained = 100 * float((right & (similarity > limit))[learned].mean())
     return {"auroc": scores.auroc, "oscr": scores.oscr, "kept": retained}
 
@@ -487,7 +489,7 @@ def unknown_rejection(
         ("ACN, cosine, 3°", "acn", looked_up, {}),
         ("correlation, cosine, 3°", "correlation", looked_up, {}),
     ]
-    spacings_tried = tuple(reversed(DENSE))
+    spacings_tried = tuple(reversed(TEMPLATE_SPACINGS))
     for label, answers, weight, spacings in (
         ("posterior probability", likely, 0.0, spacings_tried),
         ("posterior probability and fit", likely, 0.01, spacings_tried),

@@ -15,10 +15,10 @@ from docs._tables.result_flights import (
     CHAINS,
     CLUTTERS,
     FLIGHT,
-    FLOWN,
     MEASURED,
+    MEASURED_SHIPS,
     MISSIONS,
-    NEAR,
+    NEAR_STERN,
     SENSITIVITY,
     chains,
     measured_accuracy,
@@ -28,9 +28,9 @@ from docs._tables.result_flights import (
 )
 from docs._tables.result_learners import learners
 from docs._tables.result_tables import (
-    DENSE,
     GROUPS,
     STEP,
+    TEMPLATE_SPACINGS,
     TRACKS,
     UNKNOWN_SHIPS,
     Answers,
@@ -54,32 +54,35 @@ SEEDS, MIN_SEEDS = 20, 2
 DRAWS = 10  # of slow sweeps: trainings of the multilayered network, and flights
 CLASSIFIERS = ("acn", "correlation", "likelihood")
 
-LEARNED = tuple(np.arange(0.0, 90.1, STEP).tolist())
-FINEST = tuple(np.arange(0.0, 90.1, DENSE[0]).tolist())
-FRESH = 10
+LEARNED_ASPECTS = tuple(np.arange(0.0, 90.1, STEP).tolist())
+DENSE_ASPECTS = tuple(np.arange(0.0, 90.1, TEMPLATE_SPACINGS[0]).tolist())
+RANDOM_ASPECTS = 10
 SOURCE_STEP = 3
-LINES = "render.engine=lines"
-BOTH = ("sensor=both", "grid.frame_count=16", "infrared.frame_count=16", "infrared.vigilance=0.87")
-NEW = (
-    *(*BOTH, "grid.range=[25,50,100]", "infrared.range=[25,50,100]"),
+LINE_RENDERER = "render.engine=lines"
+SENSORS = (
+    *("sensor=both", "grid.frame_count=16", "infrared.frame_count=16"),
+    "infrared.vigilance=0.87",
+)
+RANDOM_ASPECT_SWEEP = (
+    *(*SENSORS, "grid.range=[25,50,100]", "infrared.range=[25,50,100]"),
     *("infrared.super_resolution=none", "classifier.template_spacing=[1.5,3,6]"),
     "classifier.name=[acn,correlation,likelihood,fusion]",
 )
-SHIFTED = (
-    *(*BOTH, "grid.range=100", "infrared.range=100", "infrared.super_resolution=shifted"),
+SHIFTS = (
+    *(*SENSORS, "grid.range=100", "infrared.range=100", "infrared.super_resolution=shifted"),
     *("classifier.template_spacing=[1.5,3,6]", "classifier.name=fusion"),
 )
-KNOWN = (
+PRIORS = (
     *("grid.frame_count=16", "classifier.name=likelihood", "classifier.misfit_weight=0"),
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
 )
-PLACES = (1, 2, 4, 8, 16, 32)  # of templates
+TEMPLATE_PLACES = (1, 2, 4, 8, 16, 32)  # of templates
 CORNER = ("ladar.place=corner", "classifier.template_places=1")
-ABEAM = (
-    *(*BOTH, "grid.range=25", "infrared.range=25", "infrared.super_resolution=none"),
+SHORT_RANGE = (
+    *(*SENSORS, "grid.range=25", "infrared.range=25", "infrared.super_resolution=none"),
     *("classifier.template_spacing=6", "classifier.name=fusion"),
 )
-TRACKED = (
+ASPECT_TRACKS = (
     *("grid.frame_count=16", "classifier.name=likelihood"),
     *("classifier.gain_sigma=[0,1]", "classifier.floor_sigma=[0,1]"),
     "classifier.template_spacing=[1.5,6]",
@@ -90,28 +93,28 @@ PROTOCOL = (
     *("classifier.orders=4", "infrared.subpixel_offsets=2", "infrared.orders=4"),
     "classifier.name=[acn,mnn,correlation,likelihood]",
 )
-FORMED = (
+CATEGORIES = (
     *("grid.pulse_width=[10,30,50]", "grid.frame_count=16", "classifier.orders=8"),
     "classifier.name=acn",
 )
-REJECTING = ("grid.frame_count=16", "grid.range=[25,100]")
-LOOKED_UP = (*REJECTING, "classifier.name=[acn,correlation]", "classifier.template_spacing=3")
-DENSITIES = (
+REJECTION = ("grid.frame_count=16", "grid.range=[25,100]")
+REJECT_TEMPLATE = (*REJECTION, "classifier.name=[acn,correlation]", "classifier.template_spacing=3")
+REJECT_SPACING = (
     *(
-        *REJECTING,
+        *REJECTION,
         "classifier.name=likelihood",
-        f"classifier.template_spacing={list_argument(DENSE)}",
+        f"classifier.template_spacing={list_argument(TEMPLATE_SPACINGS)}",
     ),
     "classifier.misfit_weight=[0,0.01]",
 )
-NEAREST = f"classifier.template_spacing={SOURCE_STEP}"
-AGAINST = (*REJECTING, "classifier.name=likelihood", NEAREST)
-GENERATED = 8  # of each ship learned
-FAR = (*("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood", NEAREST),)
+SOURCE_SPACING = f"classifier.template_spacing={SOURCE_STEP}"
+REJECT_OTHER = (*REJECTION, "classifier.name=likelihood", SOURCE_SPACING)
+GENERATED_SHIPS = 8  # of each ship learned
+LONG_RANGE = ("grid.frame_count=16", "grid.range=100", "classifier.name=likelihood", SOURCE_SPACING)
 CALIBRATED = ("classifier.gain_sigma=0", "classifier.floor_sigma=0")
-FOLLOWED = "classifier.aspect_sigma=5"
-SIX = (*ARTICLE, *UNKNOWN_SHIPS)
-PAIRS, PAIR_SEEDS = tuple(combinations(SIX, 2)), 5
+TRACK = "classifier.aspect_sigma=5"
+ALL_SHIPS = (*ARTICLE, *UNKNOWN_SHIPS)
+PAIRS, PAIR_SEEDS = tuple(combinations(ALL_SHIPS, 2)), 5
 
 
 def unknown_arguments(
@@ -128,7 +131,7 @@ def pair_arguments(pair: Sequence[str], generated: int) -> dict[str, tuple[str, 
     """Return the arguments of sweeps with two of six ships unknown, by the alternative."""
 
     def arguments_for(*alternative: str) -> tuple[str, ...]:
-        return unknown_arguments(*alternative, unknown=pair, tested=SIX)
+        return unknown_arguments(*alternative, unknown=pair, tested=ALL_SHIPS)
 
     return {
         "none": arguments_for(),
@@ -174,12 +177,12 @@ class Sizes:
     seeds: int
     draws: int = DRAWS
     more: tuple[str, ...] = ()
-    learned: tuple[float, ...] = LEARNED
-    fresh: int = FRESH
+    learned: tuple[float, ...] = LEARNED_ASPECTS
+    fresh: int = RANDOM_ASPECTS
     parts: tuple[str, ...] = ()
     workers: ClusterChoice = WORKERS
-    finest: tuple[float, ...] = FINEST
-    generated: int = GENERATED
+    finest: tuple[float, ...] = DENSE_ASPECTS
+    generated: int = GENERATED_SHIPS
     pairs: tuple[tuple[str, str], ...] = PAIRS
 
     def article_aspects(
@@ -197,7 +200,7 @@ class Sizes:
     ) -> Answers:
         """Return groups of a sweep with the random aspects of all seeds."""
         return sweep_by_seed(
-            *([*overrides, LINES, *self.more], groups),
+            *([*overrides, LINE_RENDERER, *self.more], groups),
             seeds=self.seeds,
             learned=self.learned,
             fresh=self.fresh,
@@ -210,12 +213,12 @@ class Sizes:
         overrides: Sequence[str],
         names: Sequence[str],
         label: str,
-        step: float = DENSE[0],
+        step: float = TEMPLATE_SPACINGS[0],
         seeds: int | None = None,
     ) -> Answers:
         """Return answers of some classifiers in several draws to ships that may be unknown."""
         return sweep_by_seed(
-            [*overrides, LINES, *self.more],
+            [*overrides, LINE_RENDERER, *self.more],
             group_names("classification/", *names),
             seeds=seeds or self.draws,
             learned=[aspect for aspect in self.finest if aspect % step == 0],
@@ -262,9 +265,9 @@ def measure(sizes: Sizes) -> dict[str, Report]:
 
 def _new_aspects(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of new aspects, and of fusion."""
-    answers = sizes.random_aspects(NEW, GROUPS, "new aspects")
+    answers = sizes.random_aspects(RANDOM_ASPECT_SWEEP, GROUPS, "new aspects")
     shifted = sizes.random_aspects(
-        SHIFTED, group_names("classification/", "fusion"), "shifted frames"
+        SHIFTS, group_names("classification/", "fusion"), "shifted frames"
     )
     return new_aspects(answers) | {"fusion": fusion(answers, shifted)}
 
@@ -272,17 +275,17 @@ def _new_aspects(sizes: Sizes) -> dict[str, Report]:
 def _prior_knowledge(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of prior knowledge, and of places of templates."""
     groups = group_names("classification/", "likelihood")
-    reports = prior_knowledge(sizes.random_aspects(KNOWN, groups, "known gain and floor"))
+    reports = prior_knowledge(sizes.random_aspects(PRIORS, groups, "known gain and floor"))
     at_places = {
         f"{count} place{'s' * (count > 1)}": (
             (f"classifier.template_places={count}",),
             f"templates at {count} places",
         )
-        for count in PLACES
+        for count in TEMPLATE_PLACES
     } | {"at the corner": (CORNER, "templates and tests at the corner")}
     return reports | places(
         {
-            name: sizes.rejection_answers([*KNOWN, *overrides], CLASSIFIERS[2:], label, STEP)
+            name: sizes.rejection_answers([*PRIORS, *overrides], CLASSIFIERS[2:], label, STEP)
             for name, (overrides, label) in at_places.items()
         }
     )
@@ -293,8 +296,8 @@ def _track(sizes: Sizes) -> dict[str, Report]:
     tracks = f"classifier.aspect_sigma={list_argument(TRACKS)}"
     groups = group_names("classification/", "likelihood")
     return track_benefit(
-        sizes.random_aspects(TRACKED, groups, "aspect unknown"),
-        sizes.random_aspects([*TRACKED, tracks], groups, "tracks"),
+        sizes.random_aspects(ASPECT_TRACKS, groups, "aspect unknown"),
+        sizes.random_aspects([*ASPECT_TRACKS, tracks], groups, "tracks"),
     )
 
 
@@ -302,7 +305,7 @@ def _sensors(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of both sensors."""
     near, far = (
         sweep_by_seed(
-            [*overrides, LINES, *sizes.more],
+            [*overrides, LINE_RENDERER, *sizes.more],
             group_names("classification/", "fusion"),
             seeds=sizes.draws,
             learned=sizes.learned,
@@ -310,7 +313,7 @@ def _sensors(sizes: Sizes) -> dict[str, Report]:
             label=label,
             workers=sizes.workers,
         )
-        for overrides, label in ((ABEAM, "both sensors, 25 km"), (SHIFTED, "shifted frames"))
+        for overrides, label in ((SHORT_RANGE, "both sensors, 25 km"), (SHIFTS, "shifted frames"))
     )
     return sensors(near, far)
 
@@ -319,7 +322,7 @@ def _learners(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of other learners."""
     return learners(
         sweep_each_seed(
-            [*LEARNERS, LINES, *sizes.more],
+            [*LEARNERS, LINE_RENDERER, *sizes.more],
             ["range_profile", "classification/mnn"],
             seeds=sizes.draws,
             learned=sizes.learned,
@@ -339,29 +342,30 @@ def _protocol(sizes: Sizes) -> dict[str, Report]:
 def _categories(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of categories."""
     return categories(
-        sizes.article_aspects(FORMED, group_names("classification/", "acn"), "categories")
+        sizes.article_aspects(CATEGORIES, group_names("classification/", "acn"), "categories")
     )
 
 
 def _unknown_ships(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of unknown ships."""
     sisters = unknown_arguments(*_variants(UNKNOWN_SHIPS))
+    exact = unknown_arguments(*UNKNOWN_SHIPS)
     looked_up, likely, against, themselves = (
         sizes.rejection_answers([*overrides, *ships], names, label)
         for overrides, ships, names, label in (
-            (LOOKED_UP, unknown_arguments(), CLASSIFIERS[:2], "unknown ships"),
-            (DENSITIES, unknown_arguments(), CLASSIFIERS[2:], "unknown ships, likelihood"),
-            (AGAINST, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
-            (AGAINST, unknown_arguments(*UNKNOWN_SHIPS), CLASSIFIERS[2:], "unknown ships, bound"),
+            (REJECT_TEMPLATE, unknown_arguments(), CLASSIFIERS[:2], "unknown ships"),
+            (REJECT_SPACING, unknown_arguments(), CLASSIFIERS[2:], "unknown ships, likelihood"),
+            (REJECT_OTHER, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
+            (REJECT_OTHER, exact, CLASSIFIERS[2:], "unknown ships, bound"),
         )
     )
     blind = [*unknown_arguments(), f"classifier.generated={sizes.generated}"]
     blind_answers, calibrated, tracked_too = (
-        sizes.rejection_answers([*FAR, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
+        sizes.rejection_answers([*LONG_RANGE, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
         for ships, label in (
             (blind, "generated ships"),
             ([*blind, *CALIBRATED], "generated ships, gain and floor known"),
-            ([*blind, *CALIBRATED, FOLLOWED], "generated ships, and a track"),
+            ([*blind, *CALIBRATED, TRACK], "generated ships, and a track"),
         )
     )
     generated = {
@@ -378,7 +382,7 @@ def _pairs(sizes: Sizes) -> dict[str, Report]:
         {
             pair: {
                 alternative: sizes.rejection_answers(
-                    [*FAR, *overrides],
+                    [*LONG_RANGE, *overrides],
                     CLASSIFIERS[2:],
                     f"{' and '.join(pair)} unknown, alternative: {alternative}",
                     SOURCE_STEP,
@@ -395,8 +399,8 @@ def _flights(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of flights."""
     cluttered = [*FLIGHT, f"irar.clutter={list_argument(CLUTTERS)}"]
     return (
-        near_stern(sizes.ship_flights(MISSIONS, NEAR, "near-stern flights"))
-        | tilts(sizes.ship_flights(FLOWN, cluttered, "clutter"))
+        near_stern(sizes.ship_flights(MISSIONS, NEAR_STERN, "near-stern flights"))
+        | tilts(sizes.ship_flights(MEASURED_SHIPS, cluttered, "clutter"))
         | chains(sizes.flight_group(CHAINS, "chains of corrections"))
         | sensitivity(sizes.flight_group(SENSITIVITY, "errors of navigation"))
         | measured_accuracy(

@@ -23,18 +23,18 @@ SCENE = (
     "grid.pulse_width=30",
     "grid.frame_count=16",
 )
-END = 90.0  # last aspect [deg]
+LAST_ASPECT = 90.0  # last aspect [deg]
 STEPS = (0.45, 0.15, 0.05, 0.025)
 """Steps of the aspects [deg] where all views are learned, so that each is compared with all."""
 
 SPACING = 1.5  # of the aspects learned, where others are drawn at random [deg]
-DRAWN = (50, 200, 600, 1200)
+RANDOM_COUNTS = (50, 200, 600, 1200)
 """Numbers of random aspects in every 30 degrees, which are tested and not learned."""
 
 RANGES = (25, 50, 75, 100, 150, 200, 250, 300, 400, 500)
 """Ranges [km] of the largest sweeps: as aspects drawn are rounded, a million views need several."""
 
-DRAWN_AT_RANGES = (35, 541, 6140)
+RANDOM_COUNTS_AT_RANGES = (35, 541, 6140)
 """Numbers of random aspects in every 30 degrees there, for some 10^4, 10^5 and 10^6 views."""
 
 LEARNED, RANDOM = "all learned", f"every {SPACING}° learned"
@@ -66,12 +66,12 @@ COLUMNS = (
 )
 
 
-def measure(*, most: int = MAX_VIEWS, scene: Sequence[str] = SCENE) -> Report:
+def measure(*, max_views: int = MAX_VIEWS, scene: Sequence[str] = SCENE) -> Report:
     """Measure sweeps of six ships by the laser radar at growing numbers of views.
 
     Parameters
     ----------
-    most : int
+    max_views : int
         Largest number of views of a sweep.
     scene : sequence of str
         Further arguments of the command.
@@ -81,7 +81,7 @@ def measure(*, most: int = MAX_VIEWS, scene: Sequence[str] = SCENE) -> Report:
     Report
         One row per sweep, each measured once.
     """
-    sweeps = [(kind, views, aspects) for kind, views, aspects in grids() if views <= most]
+    sweeps = [(kind, views, aspects) for kind, views, aspects in grids() if views <= max_views]
     return Report(
         f"Cost of a view of `ncti-sweep {' '.join(scene)}`, {len(SHIPS)} ships, {CORES} cores",
         COLUMNS,
@@ -103,18 +103,18 @@ def grids() -> list[tuple[str, int, tuple[str, ...]]]:
         kind: str, step: float, drawn: int, ranges: Sequence[float] = (Grid.range.default,)
     ) -> tuple[str, int, tuple[str, ...]]:
         arguments = (
-            f"grid.aspect={{start: 0, stop: {END:g}, step: {step:g}}}",
+            f"grid.aspect={{start: 0, stop: {LAST_ASPECT:g}, step: {step:g}}}",
             f"grid.random_aspects={drawn}",
             f"grid.range=[{','.join(map(str, ranges))}]",
         )
         # Aspects drawn are rounded: some are drawn twice, or are in the grid.
-        aspects = {round(k * step, 3) for k in range(round(END / step) + 1)}
-        aspects |= {*draw_aspects(0.0, END, drawn, int(Run.seed.default))}
+        aspects = {round(k * step, 3) for k in range(round(LAST_ASPECT / step) + 1)}
+        aspects |= {*draw_aspects(0.0, LAST_ASPECT, drawn, int(Run.seed.default))}
         return kind, len(SHIPS) * len(aspects) * len(ranges), arguments
 
     sweeps = [grid(LEARNED, step, 0) for step in STEPS]
-    sweeps += [grid(RANDOM, SPACING, drawn) for drawn in DRAWN]
-    return sweeps + [grid(AT_RANGES, SPACING, drawn, RANGES) for drawn in DRAWN_AT_RANGES]
+    sweeps += [grid(RANDOM, SPACING, drawn) for drawn in RANDOM_COUNTS]
+    return sweeps + [grid(AT_RANGES, SPACING, drawn, RANGES) for drawn in RANDOM_COUNTS_AT_RANGES]
 
 
 def _row(kind: str, views: int, arguments: Sequence[str]) -> dict[str, object]:

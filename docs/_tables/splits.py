@@ -18,19 +18,19 @@ from studies.benchmark.stages import ENTRIES, REFERENCE, SENSOR, TESTS
 from studies.benchmark.summary import tabulate_differences, tabulate_rows
 from sweeps.report.words import WORDS, value_text
 
-HELD_OUT = 3  # seeds, for the ranking
+RANKING_SEEDS = 3  # seeds, for the ranking
 TITLES = {name: WORDS.get(name, value_text(name)) for name in ENTRIES}
 TITLES["likelihood"] = "likelihood"  # as on other pages
-ASKED = tuple(name for name in SPLITS if name not in OUTSIDERS)  # for the ship's name
-SHOWN = ("aspect-random", "aspect-gap", "range-shift", "variant")  # in README
+NAMING_SPLITS = tuple(name for name in SPLITS if name not in OUTSIDERS)  # for the ship's name
+README_SPLITS = ("aspect-random", "aspect-gap", "range-shift", "variant")  # in README
 LEVEL = 0.01  # of tests of differences
-BEST = ("likelihood", "random_forest", "gradient_boosting")
+BEST_METHODS = ("likelihood", "random_forest", "gradient_boosting")
 
 Floats = NDArray[np.float64]
 Reports = dict[str, Report]
 
 
-def measure(more: Sequence[str] = (), held_out: int = HELD_OUT) -> Reports:
+def measure(more: Sequence[str] = (), held_out: int = RANKING_SEEDS) -> Reports:
     """Return the tables by name, after the sweep of all splits and classifiers.
 
     Parameters
@@ -65,9 +65,9 @@ def tables_of(groups: Mapping[str, xr.Dataset], held_out: int) -> Reports:
     }
     splits = [str(split) for split in tests.split.values]
     title = f"percent correct, mean of {seeds} seeds [95 % interval]"
-    known_splits = [name for name in ASKED if name in splits]
-    short = {name: table for name, table in tables.items() if name in BEST}
-    published = [split for split in known_splits if split in SHOWN]
+    known_splits = [name for name in NAMING_SPLITS if name in splits]
+    short = {name: table for name, table in tables.items() if name in BEST_METHODS}
+    published = [split for split in known_splits if split in README_SPLITS]
     return {
         "summary": _table(short, published, "accuracy", title, "Ships named correctly, in short"),
         "splits": _table(tables, known_splits, "accuracy", title, "Ships named correctly"),

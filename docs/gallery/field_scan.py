@@ -5,7 +5,7 @@ import sys
 import matplotlib.pyplot as plt
 
 from sweeps.report.frames import frame
-from sweeps.report.stores import attributes, opened
+from sweeps.report.stores import attributes, open_store
 
 SHARES = {
     "percent_detected": "ships detected",
@@ -22,7 +22,7 @@ for name, label in SHARES.items():
     ends = [(last[name] - low).clip(0), (high - last[name]).clip(0)]
     share.errorbar(last.range_km, last[name], ends, fmt="o-", capsize=2, label=label)
 share.plot(last.range_km, last.percent_detected_in_closed_form, "k:", label="detected, closed form")
-ships = attributes(opened(store))["configuration"]["grid"]["ship"]
+ships = attributes(open_store(store))["configuration"]["grid"]["ship"]
 share.axhline(100 / len(ships), color="0.6", ls=":", label=f"chance, one of {len(ships)} ships")
 share.set(xlabel="slant range [km]", ylabel="percent, 95 % intervals", ylim=(0, 104))
 share.set_title(f"{int(last.draws.max())} draws, {int(last.frame_count.max())} frames")

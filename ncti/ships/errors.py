@@ -5,6 +5,8 @@ from __future__ import annotations
 import reprlib
 from typing import Any
 
+from ncti.text import printable
+
 MAX_MESSAGE = 1000  # characters of a message
 
 
@@ -30,11 +32,6 @@ class ShipError(ValueError):
     def __init__(self, message: str) -> None:
         line = printable(message)
         super().__init__(line if len(line) <= MAX_MESSAGE else f"{line[: MAX_MESSAGE - 3]}...")
-
-
-def printable(text: str) -> str:
-    """Return text with control and unprintable characters as backslash escapes."""
-    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def short_repr(value: Any) -> str:

@@ -16,7 +16,7 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name when it is used: the command line starts faster without it."""
+    """Import a name when it is used."""
     if name in __all__:
         from sweeps.report import notebook
 

@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sweeps.report.contest import Rival, find_rivals, main_axis
 from sweeps.report.frames import Frame, values_of
 from sweeps.report.headline import settings_of
 from sweeps.report.pivot import (
     Entry,
     Line,
-    Table,
+    TextTable,
     lay_out,
     make_entry,
     select_main,
     title_with_unit,
 )
-from sweeps.report.terminal import count_fitting_columns
+from sweeps.report.ranking import Candidate, main_axis, rank_candidates
+from sweeps.report.terminal import count_fitting_columns, entry_text
 from sweeps.report.words import OVERALL
 
 MAX_ROWS, MAX_COLUMNS, MAX_WIDTH = 12, 6, 80
 
 
-def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
+def answer_table(frame: Frame, swept: Sequence[str], width: int) -> TextTable:
     """Return the main table of a store: at most 12 rows, no wider than `width` and 80 cells.
 
     Several classifiers are columns, the best first, or rows without an axis. For one classifier,
@@ -32,33 +32,35 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> Table:
     columns = {name: col for name, col in frame.columns.items() if col.role != "article"}
     frame = replace(frame, columns=columns)
     axis, width = main_axis(frame, swept), min(width, MAX_WIDTH)
-    rivals = find_rivals(frame, axis)
-    if len(rivals) < 2:
+    candidates = rank_candidates(frame, axis)
+    if len(candidates) < 2:
         frame = _add_second_axis(frame, axis)
         table = _figure_table(frame, axis)
-    elif any(rival.axis for rival in rivals):
-        table = _axis_table(frame, axis, rivals)
+    elif any(candidate.axis for candidate in candidates):
+        table = _axis_table(frame, axis, candidates)
     else:
-        table = _rival_table(frame, rivals)
-    notes = [*table.notes, *_omission_notes(table, frame, axis)]
+        table = _candidate_table(frame, candidates)
+    notes = [*table.notes, _omission_note(table, frame, axis)]
     table = replace(
         table, lines=tuple(thin_lines(table.lines, MAX_ROWS) if axis else table.lines[:MAX_ROWS])
     )
     table, left_out = _narrow_table(table, width)
     # The headline states the level of chance, and the setting of the best classifier.
-    sentences = (*notes, *frame.joint, left_out, _other_settings(frame, rivals))
+    sentences = (*notes, *frame.joint, left_out, _other_settings(frame, candidates))
     return replace(table, notes=tuple(text for text in sentences if text))
 
 
-def _other_settings(frame: Frame, rivals: Sequence[Rival]) -> str:
-    """Return a sentence on settings of the other rivals that differ from the best one's."""
-    best, differing = settings_of(frame, rivals[0]) if rivals else {}, dict[str, list[str]]()
-    for rival in rivals[1:]:
-        for words, value in settings_of(frame, rival).items():
+def _other_settings(frame: Frame, candidates: Sequence[Candidate]) -> str:
+    """Return a sentence on settings of the other candidates that differ from the best one's."""
+    best = settings_of(frame, candidates[0]) if candidates else {}
+    differing: dict[str, list[str]] = {}
+    for candidate in candidates[1:]:
+        for words, value in settings_of(frame, candidate).items():
             if best.get(words) != value and value not in differing.setdefault(words, []):
                 differing[words].append(value)
     listed = [f"{words} {' or '.join(values)}" for words, values in differing.items() if values]
-    return f"The others at {', '.join(listed)}, where it applies." if listed else ""
+    subject = "Other classifiers" if "classifier" in frame.columns else "Others"
+    return f"{subject} use {', '.join(listed)}." if listed else ""
 
 
 def thin_lines(lines: Sequence[Line], count: int) -> list[Line]:
@@ -69,10 +71,10 @@ def thin_lines(lines: Sequence[Line], count: int) -> list[Line]:
     return [lines[round(step * index)] for index in range(count)]
 
 
-def _axis_table(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
-    """Return the main figure by an axis, one column for each rival that depends on it."""
-    along, column = [rival for rival in rivals if rival.axis], frame.columns[axis]
-    labels = [dict(zip(r.frame.rows[axis], r.frame.rows.index, strict=True)) for r in along]
+def _axis_table(frame: Frame, axis: str, candidates: Sequence[Candidate]) -> TextTable:
+    """Return the main figure by an axis, one column for each candidate that depends on it."""
+    along, column = [candidate for candidate in candidates if candidate.axis], frame.columns[axis]
+    labels = [dict(zip(c.frame.rows[axis], c.frame.rows.index, strict=True)) for c in along]
     values = [v for v in values_of(frame.rows, axis) if any(v in by_value for by_value in labels)]
     lines = [
         Line(
@@ -82,24 +84,26 @@ def _axis_table(frame: Frame, axis: str, rivals: Sequence[Rival]) -> Table:
         )
         for value in values
     ]
-    independent = [f"{r.name} {_rival_text(frame, r)}" for r in rivals if not r.axis]
-    notes = [f"Whatever the {column.words}: {'; '.join(independent)}."] if independent else []
-    title, heads = title_with_unit(frame), tuple(rival.name for rival in along)
-    return Table(frame.name, title, (column,), heads, tuple(lines), tuple(notes))
+    independent = [c for c in candidates if not c.axis]
+    entries = [make_entry(frame, c.frame.rows.index[0], frame.figures[0]) for c in independent]
+    texts = [f"{c.name} {entry_text(e)}" for c, e in zip(independent, entries, strict=True)]
+    notes = [f"Whatever the {column.words}: {'; '.join(texts)}."] if texts else []
+    title, heads = title_with_unit(frame), tuple(candidate.name for candidate in along)
+    return TextTable(frame.name, title, (column,), heads, tuple(lines), tuple(notes))
 
 
-def _rival_table(frame: Frame, rivals: Sequence[Rival]) -> Table:
-    """Return the main figure of each rival, by the axis across unless that has an overall value."""
-    names = list(dict.fromkeys(name for rival in rivals for name in rival.of))
+def _candidate_table(frame: Frame, candidates: Sequence[Candidate]) -> TextTable:
+    """Return the main figure of each candidate: overall, or else by the axis across."""
+    names = list(dict.fromkeys(name for candidate in candidates for name in candidate.of))
     words = ", ".join(frame.columns[name].words for name in names)
     column = replace(frame.columns[names[0]], words=words, unit="")
     table = lay_out(_select_overall(select_main(frame, names)).keep_axes([*names, frame.across]))
     by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
-    lines = [replace(by_name[r.name], keys=(r.name,)) for r in rivals if r.name in by_name]
+    lines = [replace(by_name[c.name], keys=(c.name,)) for c in candidates if c.name in by_name]
     return replace(table, lines=tuple(lines), down=(column,), notes=())
 
 
-def _figure_table(frame: Frame, axis: str) -> Table:
+def _figure_table(frame: Frame, axis: str) -> TextTable:
     """Return the figures by an axis, or the main one by the axis across."""
     overall = _select_overall(select_main(frame, [axis] * bool(axis)))
     return replace(lay_out(overall.keep_axes([axis, overall.across])), notes=())
@@ -119,17 +123,17 @@ def _select_overall(frame: Frame) -> Frame:
     return frame.select(frame.across, OVERALL) if frame.has_overall else frame
 
 
-def _omission_notes(table: Table, frame: Frame, axis: str) -> list[str]:
+def _omission_note(table: TextTable, frame: Frame, axis: str) -> str:
     """Return a sentence on the rows of a table that are not shown, if any."""
     count = len(table.lines)
     if count <= MAX_ROWS:
-        return []
+        return ""
     if axis:
-        return [f"{MAX_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."]
-    return [f"{count - MAX_ROWS} more are in {table.name}.csv."]
+        return f"{MAX_ROWS} of {count} values of {frame.columns[axis].words}, evenly spaced."
+    return f"{count - MAX_ROWS} more are in {table.name}.csv."
 
 
-def _narrow_table(table: Table, width: int) -> tuple[Table, str]:
+def _narrow_table(table: TextTable, width: int) -> tuple[TextTable, str]:
     """Return a table cut to a width, dropping intervals, then last columns; and a note on it."""
     if count_fitting_columns(table, width) == len(table.heads):
         return table, ""
@@ -146,9 +150,3 @@ def _narrow_table(table: Table, width: int) -> tuple[Table, str]:
     verb = "is" if omitted.startswith("1 ") else "are"
     note = f"{omitted} {verb} in {table.name}.csv." if omitted else ""
     return replace(table, heads=table.heads[:count], lines=tuple(lines)), note
-
-
-def _rival_text(frame: Frame, rival: Rival) -> str:
-    """Return the main figure of a rival with its interval."""
-    cell = make_entry(frame, rival.frame.rows.index[0], frame.figures[0])
-    return f"{cell.text} [{cell.interval}]" if cell.interval else cell.text

@@ -19,7 +19,7 @@ from sweeps.engine.declare.kinds import Draws
 from sweeps.engine.declare.settings import Settings, flatten
 from sweeps.report.words import is_missing
 from sweeps.stages.acn import Network
-from sweeps.stages.classifier import Classifier, RandomAspects
+from sweeps.stages.classifier import Classifier, RandomAspects, draw_aspects
 from sweeps.stages.infrared import Infrared
 from sweeps.stages.ladar import CORNER, Ladar
 from sweeps.stages.mnn import Mnn
@@ -35,15 +35,15 @@ GROUPS: dict[str, tuple[type[Settings], ...]] = {
 }
 """Settings that must be the article's, by its tables; `article` has the grid's."""
 
-ARTICLE = {Ladar.place: CORNER}
+ARTICLE_VALUES = {Ladar.place: CORNER}
 """The article's values of settings whose default is another."""
 
-SENSOR = "sensor"  # the article's table of the sensor, which is compared at any setting
-LEARNED = "learned"  # aspects that the article tests
-BINS = (0, 30, 60)  # deg, lowest aspects of the article's bins
-POSITIONS = {"shifted": 4}  # of the detector, with as many frames at each
+SENSOR_TABLE = "sensor"  # the article's table of the sensor, which is compared at any setting
+LEARNED_ASPECTS = "learned"  # aspects that the article tests
+BIN_STARTS = (0, 30, 60)  # deg, lowest aspects of the article's bins
+DETECTOR_POSITIONS = {"shifted": 4}  # of the detector, with as many frames at each
 BOUND = "likelihood"
-OF_BOUND = ("classifier", "channel", "gain_sigma", "frame_count")  # columns that it needs
+BOUND_COLUMNS = ("classifier", "channel", "gain_sigma", "frame_count")  # columns that it needs
 
 
 @lru_cache
@@ -71,7 +71,7 @@ def _iter_nested(
     if not axes:
         yield dict(axis_values), figures
         return
-    values = zip(BINS, figures, strict=True) if axes[0] == "bin" else figures.items()
+    values = zip(BIN_STARTS, figures, strict=True) if axes[0] == "bin" else figures.items()
     for value, inner in values:
         yield from _iter_nested(inner, axes[1:], {**axis_values, axes[0]: value})
 
@@ -95,7 +95,7 @@ def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
             }
             if any(row.get(name) not in (None, *allowed) for name, allowed in values_of.items()):
                 continue
-            row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED} | row
+            row = {"receiver": part.attrs.get("receiver"), "aspects": LEARNED_ASPECTS} | row
             row["bin"] = _bin_start(str(row.get("aspect_bin")))
             for figure, axis_values, value in printed:
                 if figure in article_numbers and all(
@@ -112,9 +112,9 @@ def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
 def _bin_start(label: str) -> Any:
     """Return the lowest aspect [deg] of the article's bin that contains the start of ours."""
     lowest = re.match(r"[\d.]+", label)
-    if lowest is None or float(lowest[0]) > BINS[-1] + BIN_WIDTH:
+    if lowest is None or float(lowest[0]) > BIN_STARTS[-1] + BIN_WIDTH:
         return label
-    return min(BIN_WIDTH * (float(lowest[0]) // BIN_WIDTH), BINS[-1])
+    return min(BIN_WIDTH * (float(lowest[0]) // BIN_WIDTH), BIN_STARTS[-1])
 
 
 def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
@@ -123,7 +123,7 @@ def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[
     None if the part cannot be compared, or a setting lacks the article's values.
     """
     source = part.display.source
-    if source == SENSOR:
+    if source == SENSOR_TABLE:
         return {}
     if source not in GROUPS or not _has_source_views(part, attributes):
         return None
@@ -135,7 +135,7 @@ def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[
         if derived or setting is Classifier.name:
             continue
         values = set(setting.values(value))
-        article_values = set(setting.values(ARTICLE.get(setting, setting.default)))
+        article_values = set(setting.values(ARTICLE_VALUES.get(setting, setting.default)))
         if not values & article_values:
             return None
         if values - article_values:
@@ -150,14 +150,14 @@ def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:
     )
     aspects = set(Grid.aspect.values(configured.get(Grid.aspect.key, Grid.aspect.default)))
     article_aspects = set(Grid.aspect.values(Grid.aspect.default))
-    drawn = configured.get(
-        RandomAspects.random_aspects.key, RandomAspects.random_aspects.default
-    )  # tested apart from the others
+    # Random aspects are tested apart from the others.
+    number = configured.get(RandomAspects.random_aspects.key, RandomAspects.random_aspects.default)
+    drawn = draw_aspects(min(aspects), max(aspects), number, attributes.get("seed", 0))
     return (
         part.attrs.get("views")
         in (None, len(_packaged_digests()) * len(article_aspects))  # fewer if some failed
-        and article_aspects <= aspects
-        and len(aspects) == len(article_aspects) + drawn
+        and aspects == article_aspects | set(drawn)
+        and not attributes.get("mesh_transforms")
         and sorted(attributes.get("mesh_digests", {}).values()) == sorted(_packaged_digests())
     )
 
@@ -183,7 +183,7 @@ def _add_total_frames(frame: Frame) -> Frame:
     if "super_resolution" not in axes:
         return frame
     counts = frame.rows[axes.get("infrared_frame_count", axes["frame_count"])]
-    positions = frame.rows[axes["super_resolution"]].map(lambda way: POSITIONS.get(way, 1))
+    positions = frame.rows[axes["super_resolution"]].map(lambda way: DETECTOR_POSITIONS.get(way, 1))
     if "infrared_frame_count" in axes and "frame_count" in axes:
         counts = counts.fillna(frame.rows[axes["frame_count"]])
     totals = (counts * positions).where(frame.rows[axes["super_resolution"]].notna())
@@ -193,11 +193,12 @@ def _add_total_frames(frame: Frame) -> Frame:
 def _add_bound(frame: Frame) -> Frame:
     """Return scores with their distance from maximum likelihood, the best classifier possible.
 
-    The bound knows mean and covariance of every view exactly, and of the gain the least that was
-    swept; the true aspect is left out if the row's classifier leaves it out.
+    The bound knows mean and covariance of every view exactly. It uses the largest swept
+    `gain_sigma`, that is, the weakest prior on the gain. It leaves the true aspect out of training
+    where the row's classifier does.
     """
     rows, figure = frame.rows, "percent_correct"
-    if frame.name != "scores" or not {*OF_BOUND} <= set(rows):
+    if frame.name != "scores" or not {*BOUND_COLUMNS} <= set(rows):
         return frame
     tests = rows[(rows.kind == "test") & (rows.channel == "range") & (rows.classifier != "fusion")]
     tests = tests[tests.frame_count.notna()]

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import pandas as pd
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.report.answer import thin_lines
-from sweeps.report.compare import FIRST, NAME, SECOND, STORE, Comparison
-from sweeps.report.contest import SHIP, is_test, main_axis
+from sweeps.report.compare import BOTH_STORES, NAME, STORE, Comparison
 from sweeps.report.frames import Column, Frame
 from sweeps.report.page.provenance import iter_settings, values_in_words
 from sweeps.report.pairs import LEVEL
-from sweeps.report.pivot import Entry, Line, Table, make_entry
-from sweeps.report.stores import attributes, opened
+from sweeps.report.pivot import Entry, Line, TextTable, make_entry
+from sweeps.report.ranking import SHIP, is_test, main_axis
+from sweeps.report.stores import attributes, open_store
 from sweeps.report.words import OVERALL, is_missing
 
 MAX_LINES, MAX_LISTED = 10, 3
-ABOUT = ("seed", "version")  # attributes of a store that its results may depend on
+RUN_ATTRIBUTES = ("seed", "version")  # attributes of a store that its results may depend on
 
 
 def change_sentences(compared: Comparison) -> list[str]:
@@ -37,17 +37,16 @@ def change_sentences(compared: Comparison) -> list[str]:
     setting = _row_setting(frame, row)
     suffix = f", at {setting}" if setting else ""
     subject = ", ".join(_row_names(frame, row)) or column.words
-    before, after = (_end_text(frame, row, end) for end in (FIRST, SECOND))
+    before, after = (_end_text(frame, row, end) for end in BOTH_STORES)
     course = f"from {before} in {first} to {after} in {store}"
     if not is_missing(row[figure]):
         changed = _with_signed_interval(make_entry(frame, label, figure))
-        interval = f" [{changed.interval}]" if changed.interval else ""
-        course += f", {changed.text} {column.unit}".rstrip() + interval
+        course += f", {changed.in_unit(column.unit)}"
     if frame.name != NAME:
         table = printable(frame.name.removesuffix(f"_{NAME}").replace("_", " "))
         return [
             f"Of {table}, {subject} changed most{suffix}: {course}.",
-            "Without intervals it is not known whether chance alone would do so.",
+            "This table has no intervals, so significance is unknown.",
         ]
     begin = subject[0].upper() + subject[1:]
     if row[figure] == 0:
@@ -66,7 +65,7 @@ def change_sentences(compared: Comparison) -> list[str]:
     ]
 
 
-def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
+def change_table(compared: Comparison, swept: Sequence[str]) -> TextTable:
     """Return a table of the largest changes along an axis, at most ten lines.
 
     For two stores it has both figures and their difference. For more stores it has only the
@@ -103,7 +102,7 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
         if two:
             row = key_rows.iloc[0]
             cells = [
-                *(Entry(_end_text(frame, row, end, unit=False)) for end in (FIRST, SECOND)),
+                *(Entry(_end_text(frame, row, end, unit=False)) for end in BOTH_STORES),
                 *cells,
             ]
         text = down.text(key) if axis else str(key)
@@ -114,7 +113,7 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
     subtitle = [*_row_names(frame, largest), _row_setting(frame, largest, but=axis)] if axis else []
     heads = (*compared.names, "difference") if two else compared.names[1:]
     fewer = f"{len(lines)} of {count} lines." if count > len(lines) else ""
-    return Table(
+    return TextTable(
         frame.name,
         ", ".join(filter(None, [title, *subtitle])),
         (down,),
@@ -126,11 +125,10 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> Table:
 
 def settings_that_differ(compared: Comparison) -> list[tuple[str, list[str]]]:
     """Return the settings that differ between stores: keys, and each store's value in words."""
-    all_attrs = [attributes(opened(path)) for path in compared.paths]
-    configurations: list[Mapping[str, Any]] = [
-        dict(iter_settings(attrs.get("configuration", {}))) | {key: attrs.get(key) for key in ABOUT}
-        for attrs in all_attrs
-    ]
+    configurations: list[dict[str, Any]] = []
+    for attrs in (attributes(open_store(path)) for path in compared.paths):
+        settings = dict(iter_settings(attrs.get("configuration", {})))
+        configurations.append(settings | {key: attrs.get(key) for key in RUN_ATTRIBUTES})
     keys = dict.fromkeys(key for settings in configurations for key in settings)
     return [
         (key, [_setting_text(settings.get(key)) for settings in configurations])
@@ -144,8 +142,8 @@ def settings_sentence(compared: Comparison) -> str:
     settings, ships = list[str](), ships_that_differ(compared)
     for key, values in settings_that_differ(compared):
         by_store = zip(values, compared.names, strict=True)
-        *most, last = (f"{value} in {name}" for value, name in by_store)
-        settings.append(f"{key} {', '.join(most)} and {last}")
+        *former, last = (f"{value} in {name}" for value, name in by_store)
+        settings.append(f"{key} {', '.join(former)} and {last}")
     sentence = (
         f"Settings that differ: {_abbreviate(settings)}."
         if settings
@@ -157,7 +155,7 @@ def settings_sentence(compared: Comparison) -> str:
 def ships_that_differ(compared: Comparison) -> list[str]:
     """Return the names of ships whose meshes or transforms differ between stores."""
     meshes: dict[str, set[tuple[str, str]]] = {}
-    for attrs in (attributes(opened(path)) for path in compared.paths):
+    for attrs in (attributes(open_store(path)) for path in compared.paths):
         transforms = attrs.get("mesh_transforms", {})
         for name, digest in attrs.get("mesh_digests", {}).items():
             meshes.setdefault(name, set()).add((digest, transforms.get(name, "")))
@@ -176,16 +174,14 @@ def _with_signed_interval(cell: Entry) -> Entry:
 
 
 def _setting_text(value: Any) -> str:
-    return (
-        f"[{values_in_words(value, '')}]"
-        if isinstance(value, list)
-        else values_in_words([value], "")
-    )
+    if isinstance(value, list):
+        return f"[{values_in_words(value, '')}]"
+    return values_in_words([value], "")
 
 
 def _overall_rows(frame: Frame) -> pd.DataFrame:
     """Return the rows of differences over all aspects, of tests where there are any."""
-    ends = [_end_column(frame, end) for end in (FIRST, SECOND)]
+    ends = [_end_column(frame, end) for end in BOTH_STORES]
     rows = frame.rows[frame.rows[ends].notna().any(axis=1)]
     if frame.where(rows.index).has_overall:
         rows = rows[rows[frame.across] == OVERALL]
@@ -243,8 +239,6 @@ def _end_text(frame: Frame, row: pd.Series, end: str, *, unit: bool = True) -> s
     """Return the main figure of a row in the first store, or in the second."""
     name = _end_column(frame, end)
     column = replace(frame.columns[name], role="figure")
-    if not unit:
-        return column.text(row[name])
-    return (
-        "no value" if is_missing(row[name]) else f"{column.text(row[name])} {column.unit}".rstrip()
-    )
+    if unit and is_missing(row[name]):
+        return "no value"
+    return f"{column.text(row[name])} {column.unit * unit}".rstrip()

@@ -40,7 +40,6 @@ def script() -> NoReturn:
 
 def _run(arguments: argparse.Namespace) -> int:
     """Print and write the requested tables; return the exit status."""
-    # Imported here, so that `--help` and `--version` are quick.
     from sweeps.engine.declare.errors import ConfigurationError
     from sweeps.engine.run.process import say
     from sweeps.report.outputs import blocked_sentence
@@ -75,9 +74,9 @@ def answer(store: Any) -> list[str]:
     """Return the headline of a store, which a sweep of any experiment prints at its end."""
     from sweeps.report.frames import read_frames
     from sweeps.report.headline import headline
-    from sweeps.report.stores import attributes, opened
+    from sweeps.report.stores import attributes, open_store
 
-    return headline(read_frames(store), attributes(opened(store)))
+    return headline(read_frames(store), attributes(open_store(store)))
 
 
 def _parse_store(argument: str) -> Any:

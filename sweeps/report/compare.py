@@ -10,11 +10,10 @@ from typing import Any
 
 import pandas as pd
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.contest import SCORES, is_test
 from sweeps.report.frames import (
     PART,
     Column,
@@ -26,10 +25,11 @@ from sweeps.report.frames import (
     values_of,
 )
 from sweeps.report.pairs import ANSWERS, Pairs, answers_of, holm, pair_answers
-from sweeps.report.stores import list_groups, opened
+from sweeps.report.ranking import SCORES, is_test
+from sweeps.report.stores import list_groups, open_store
 
 NAME, STORE = "differences", "store"
-FIRST, SECOND = "first", "second"
+BOTH_STORES = FIRST_STORE, SECOND_STORE = "first", "second"
 DISPLAY = Display(
     NAME,
     "Ships identified correctly [points]",
@@ -42,12 +42,12 @@ DISPLAY = Display(
             percent=True,
             format="+.0f",
         ),
-        Figure(FIRST, percent=True, format=".0f"),
-        Figure(SECOND, percent=True, format=".0f"),
+        Figure(FIRST_STORE, percent=True, format=".0f"),
+        Figure(SECOND_STORE, percent=True, format=".0f"),
     ),
     rows=(STORE, "classifier", "channel", "scored", "aspects"),
     columns="aspect_bin",
-    notes=("Of the views that both have, with 95 % intervals of paired answers.",),
+    notes=("Computed on views present in both stores; 95 % intervals of paired differences.",),
 )
 
 
@@ -230,12 +230,12 @@ def _subtract_frames(first: Frame, second: Frame, labels: Mapping[str, str]) -> 
         frame.rows.assign(**{PART: 0})[[PART, *shared, *extra, *figures]]
         for frame, extra in unshared
     )
-    rows = second_rows.merge(first_rows, on=[PART, *shared], suffixes=("", f"_{FIRST}"))
+    rows = second_rows.merge(first_rows, on=[PART, *shared], suffixes=("", f"_{FIRST_STORE}"))
     columns = {name: Column(name, name, name) for name in labels}
     for frame, extra in reversed(unshared):
         columns |= {name: frame.columns[name] for name in (*shared, *extra)}
     for name in figures:
-        column, ends = second.columns[name], (f"{name}_{FIRST}", f"{name}_{SECOND}")
+        column, ends = second.columns[name], (f"{name}_{FIRST_STORE}", f"{name}_{SECOND_STORE}")
         rows[ends[1]] = rows[name]
         rows[name] = rows[name] - rows[ends[0]]
         columns[name] = replace(column, format="+.0f" if column.unit == "%" else "+.3g")
@@ -279,7 +279,7 @@ def _keep_changes(frame: Frame) -> Frame | None:
 
 def differing_rows(frame: Frame, figure: str) -> pd.Series:
     """Return a mask of rows in which a figure differs, or only one store has a value."""
-    first, second = (frame.rows[f"{figure}_{end}"] for end in (FIRST, SECOND))
+    first, second = (frame.rows[f"{figure}_{end}"] for end in BOTH_STORES)
     return (first != second) & (first.notna() | second.notna())
 
 
@@ -290,7 +290,7 @@ def _name_stores(frame: Frame, names: Sequence[str]) -> Frame:
     if frame.name == NAME:
         columns["difference"] = replace(columns["difference"], unit="points")
         words = first, others[0] if len(others) == 1 else "the other store"
-        for end, name in zip((FIRST, SECOND), words, strict=True):
+        for end, name in zip(BOTH_STORES, words, strict=True):
             columns[end] = replace(columns[end], words=name)
     minuend = others[0] if len(others) == 1 else "other stores"
     return replace(frame, title=f"{frame.title}: {minuend} less {first}", columns=columns)
@@ -298,7 +298,7 @@ def _name_stores(frame: Frame, names: Sequence[str]) -> Frame:
 
 def _answer_parts(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
     """Return the parts of a store's scores that count answers."""
-    answered = list_groups(opened(path), "classification")
+    answered = list_groups(open_store(path), "classification")
     return [
         part
         for part in (frames[SCORES].parts if SCORES in frames else ())

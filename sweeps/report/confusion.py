@@ -11,7 +11,7 @@ import xarray as xr
 
 from ncti.evaluate.answers import DRAWS
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.report.frames import HIDDEN, Frame, stack_frames, tidy_frame
+from sweeps.report.frames import HIDDEN_COORDS, Frame, stack_frames, tidy_frame
 from sweeps.report.stores import list_groups, read_group
 
 NAME = "confusion"
@@ -89,7 +89,7 @@ def _count_answers(predicted: xr.DataArray) -> xr.Dataset:
     along = {
         name: coordinate
         for name, coordinate in predicted.coords.items()
-        if coordinate.ndim == 1 and name not in (*coordinate.dims, *HIDDEN)
+        if coordinate.ndim == 1 and name not in (*coordinate.dims, *HIDDEN_COORDS)
         if coordinate.dims[0] in counts.dims
     }
     counts = counts.assign_coords(along)

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 GLOSSARY = Path(__file__).with_name("glossary.md")
-WIDTH, NEAR = 79, 4
+WIDTH, MAX_SIMILAR = 79, 4
 _ENTRY = re.compile(r"^((?:[^\s`].*\n)+)((?:  .*\n)+)", re.MULTILINE)
 _MARKUP = (
     (re.compile(r",? ?\[theory\]\([^)]*\)"), ""),
@@ -41,9 +41,9 @@ def print_meaning(command: str, word: str) -> int:
         if not word:
             print("\n".join(", ".join(names) for names in glossary()), flush=True)
             return 0
-        if known := _entries_by_word().get(_fold_word(word)):
-            print(known[0])
-            print(textwrap.fill(known[1], WIDTH, initial_indent="  ", subsequent_indent="  "))
+        if entry := _entries_by_word().get(_fold_word(word)):
+            print(entry[0])
+            print(textwrap.fill(entry[1], WIDTH, initial_indent="  ", subsequent_indent="  "))
             return 0
         print(
             f"{command}: --explain has {word!r}, but must be a word of the glossary, "
@@ -57,9 +57,9 @@ def print_meaning(command: str, word: str) -> int:
 def _similar_terms(word: str) -> str:
     """Return the terms with a similar spelling or with a word in common."""
     by_word, folded = _entries_by_word(), _fold_word(word)
-    close = difflib.get_close_matches(folded, by_word, NEAR)
+    close = difflib.get_close_matches(folded, by_word, MAX_SIMILAR)
     close += [name for name in by_word if set(folded.split()) & set(name.split())]
-    terms = list(dict.fromkeys(by_word[name][0] for name in close))[:NEAR]
+    terms = list(dict.fromkeys(by_word[name][0] for name in close))[:MAX_SIMILAR]
     return f"such as {', '.join(terms)}" if terms else "which --explain alone lists"
 
 

@@ -14,7 +14,7 @@ from sweeps.report.frames import PART, Frame
 from sweeps.report.outputs import tables_folder, write_own_files
 from sweeps.report.words import is_missing
 
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
+FORMULA_PREFIXES = ("=", "+", "-", "@", "\t", "\r")  # prefixes of formulas in spreadsheets
 
 
 def write_tables(store: PathOrUrl, frames: Iterable[Frame]) -> list[Path]:
@@ -30,14 +30,12 @@ def write_tables(store: PathOrUrl, frames: Iterable[Frame]) -> list[Path]:
 def csv_of(frame: Frame) -> bytes:
     """Return a frame as CSV with its columns as header; an absent value is an empty field."""
     rows = frame.rows.drop(columns=PART, errors="ignore")
-    texts: dict[str, Any] = {
-        name: rows[name].map(neutralise_formula)
-        for name in rows
-        if rows[name].dtype.kind not in "fiub"
-    }
+    texts: dict[str, Any] = {}
     for name in rows:
-        digits = frame.columns[name].digits
-        if digits is not None and rows[name].dtype.kind == "f":
+        kind, digits = rows[name].dtype.kind, frame.columns[name].digits
+        if kind not in "fiub":
+            texts[name] = rows[name].map(neutralise_formula)
+        elif digits is not None and kind == "f":
             texts[name] = rows[name].map(partial(round_number, digits=digits))
     rows = rows.assign(**texts).rename(columns=neutralise_formula)
     text = rows.to_csv(index=False, lineterminator="\r\n")
@@ -51,7 +49,7 @@ def round_number(value: float, digits: int) -> float:
 
 def neutralise_formula(value: Any) -> Any:
     """Return a cell with an apostrophe before a text that a spreadsheet would run as a formula."""
-    if not isinstance(value, str) or is_missing(value) or not value.startswith(FORMULA):
+    if not isinstance(value, str) or is_missing(value) or not value.startswith(FORMULA_PREFIXES):
         return value
     with suppress(ValueError):
         float(value)

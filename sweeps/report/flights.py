@@ -17,7 +17,7 @@ from ncti import irar
 from ncti.checks import NothingSeenError
 from ncti.irar import Chain, Scan, Snapshot, Window
 from ncti.irar.corrected import EXACT, NO_ERROR, RATES
-from sweeps.report.stores import nominal
+from sweeps.report.stores import select_preferred
 from sweeps.stages.irar import FLOWN, RECORDED, scan_again, surface
 from sweeps.stages.meshes import mesh_source, read_mesh
 from sweeps.stages.ships import ship_name
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     import trimesh
 
 FONT_SIZE = 8.5  # points
-STRIPES = 12.0  # m of range in one cycle of the colours, as in the article's images
-BRIGHTEST = 99.5  # percentile of an image at the end of its scale
+STRIPE_WIDTH = 12.0  # m of range in one cycle of the colours, as in the article's images
+TOP_PERCENTILE = 99.5  # percentile of an image at the end of its scale
 KINDS = {
     "intensity / noise": "gray",
-    f"range mod {STRIPES:g} m": "twilight",
+    f"range mod {STRIPE_WIDTH:g} m": "twilight",
     "infrared [K]": "inferno",  # of the truth, the share of ship
 }
 SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
@@ -50,7 +50,7 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
     titled = {}
     for ship, *view in product(flown, *(flights[name].values for name in VIEW)):
         flown_view = flights.sel(dict(zip(("ship", *VIEW), (ship, *view), strict=True)))
-        flight = nominal(flown_view, keep=("source", "kind", "pulse_width"))
+        flight = select_preferred(flown_view, keep=("source", "kind", "pulse_width"))
         words = [f"{ship} at {view[0]:g} km", f"aspect {view[1]:g}°", "simulated"]
         words += [
             f"{dim.replace('_', ' ')} {flight[dim].item()}" for dim in swept if dim in flight.coords
@@ -99,10 +99,10 @@ def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
             f"{label} was read from a file that the store does not name, but ships drawn must be "
             f"among {', '.join(ncti.ships.names())}"
         )
-    known = mesh_source(ship_name(label))
-    if known.digest != attributes["mesh_digests"][label]:
+    packaged_ship = mesh_source(ship_name(label))
+    if packaged_ship.digest != attributes["mesh_digests"][label]:
         raise ValueError(f"{label} has changed since the store was made")
-    return read_mesh(known)
+    return read_mesh(packaged_ship)
 
 
 def correction_stages(
@@ -159,10 +159,10 @@ def draw_stages(images: Mapping[str, Snapshot], title: str, slant_range: float) 
         extent = (*image.column[[0, -1]], *image.row[[0, -1]])
         style: dict[str, Any] = {"origin": "lower", "extent": extent, "interpolation": "nearest"}
         style["aspect"] = "auto" if name == RAW else "equal"
-        layers = (image.intensity, np.mod(image.range - slant_range, STRIPES), image.infrared)
+        layers = (image.intensity, np.mod(image.range - slant_range, STRIPE_WIDTH), image.infrared)
         for axes, values, (label, colours) in zip(row, layers, KINDS.items(), strict=True):
             finite = values[np.isfinite(values)]
-            top = np.percentile(finite, BRIGHTEST) if finite.size else None
+            top = np.percentile(finite, TOP_PERCENTILE) if finite.size else None
             drawn = axes.imshow(values, colours, vmax=top, **style)
             figure.colorbar(drawn, ax=axes, label=label)
         row[0].set_title(name, loc="left", fontsize=FONT_SIZE)

@@ -12,16 +12,22 @@ import pandas as pd
 import xarray as xr
 
 from ncti.evaluate.answers import DRAWS
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.store.writing import PARTIAL
-from sweeps.report.article_columns import add_comparisons
-from sweeps.report.stores import OF_ARRAYS, attributes, list_groups, opened, read_group, refusal
+from sweeps.report.stores import (
+    ARRAY_DIMS,
+    attributes,
+    list_groups,
+    open_store,
+    read_group,
+    refusal,
+)
 from sweeps.report.words import (
     OVERALL,
     UNITS,
-    WORDED,
+    WORD_AXES,
     WORDS,
     file_name,
     is_number,
@@ -30,13 +36,14 @@ from sweeps.report.words import (
     words_of,
 )
 
-HIDDEN = ("aspect_low", "learned", "known")  # coordinates, some of earlier stores, that are no axes
-ENDS = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of an interval, after its variable's name
-BESIDE = ("_spread", "_n", "_of")
+HIDDEN_COORDS = ("aspect_low", "learned", "known")  # no axes; some of earlier stores
+INTERVAL_SUFFIXES = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of the variables of ends
+BESIDE_SUFFIXES = ("_spread", "_n", "_of")
 MAX_POINTS = 6  # of settings that run together, to be listed
-TENTHS = 1  # decimals of percentages in files
+PERCENT_DIGITS = 1  # decimals of percentages in files
+AXIS_ROLES = ("axis", "along")
 PART = "part"  # column with the number of the part of a frame, not in files
-FIRST = (
+TABLE_ORDER = (
     *("scores", "flights", "landmarks", "scan", "categories", "rejection_curve", "rejection"),
     *("infrared_sensor", "infrared_detection", "infrared_super_resolution"),
 )
@@ -66,11 +73,11 @@ class Column:
 
     def text(self, value: Any) -> str:
         """Return a value as printed, without its unit."""
-        if self.axis in WORDED and value in WORDS:
+        if self.axis in WORD_AXES and value in WORDS:
             return WORDS[value]
         if isinstance(value, float) and math.isinf(value):
             return self.infinite
-        return value_text(value, "g" if self.role in ("axis", "along") else self.format)
+        return value_text(value, "g" if self.role in AXIS_ROLES else self.format)
 
     def in_words(self, value: Any) -> str:
         """Return a value with the words of its axis, and its unit."""
@@ -207,7 +214,7 @@ def select_table(frames: Mapping[str, Frame], name: str) -> Frame:
 def read_frames(path: PathOrUrl) -> dict[str, Frame]:
     """Return the tables of a store by name. Raises ConfigurationError if it has none."""
     try:
-        store = opened(path)
+        store = open_store(path)
         parts: dict[str, list[Frame]] = {}
         attrs = attributes(store)
         group_names = {f"tables/{name}": name for name in list_groups(store, "tables")}
@@ -220,16 +227,18 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
                 part = tidy_frame(table, display, group)
                 if part is not None:
                     parts.setdefault(display.name, []).append(part)
-        frames = {
-            name: add_comparisons(stack_frames(tables), attrs) for name, tables in parts.items()
-        }
+        frames = {name: stack_frames(tables) for name, tables in parts.items()}
+        if any(part.display.source for frame in frames.values() for part in frame.parts):
+            from sweeps.report.article_columns import add_comparisons
+
+            frames = {name: add_comparisons(frame, attrs) for name, frame in frames.items()}
     # zarr and xarray raise various errors for damaged or other files.
     except Exception as error:
         raise refusal(path, error) from error
     if not frames:
         missing = attrs.get(PARTIAL)
         raise refusal(path, f"{missing}; the sweep's command completes it" if missing else "")
-    order = {name: number for number, name in enumerate(FIRST)}
+    order = {name: number for number, name in enumerate(TABLE_ORDER)}
     return {name: frames[name] for name in sorted(frames, key=lambda frame: order.get(frame, 99))}
 
 
@@ -249,7 +258,8 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     figures = [_complete_figure(figure, table) for figure in declared if figure.variable in table]
     figure_columns = _columns_of_figures(table, figures)
     data = table[list(dict.fromkeys(variable for variable, _ in figure_columns.values()))]
-    data = data.drop_vars([name for name in (*HIDDEN, *DRAWS) if _is_extra(data, name)]).load()
+    extra = [name for name in (*HIDDEN_COORDS, *DRAWS) if _is_extra(data, name)]
+    data = data.drop_vars(extra).load()
     expanded = data if data.dims else data.expand_dims("row_number")
     flat = expanded.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
     columns = {name: Column(name, name, name) for name in display.labels}
@@ -277,9 +287,10 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
         columns[name] = Column(name, main, "chance", columns[main].unit, "", "chance", ".0f")
         rows[name] = pd.Series(float(display.chance), index=flat.index)  # type: ignore[arg-type]
     column_names = {
-        column.axis: name for name, column in columns.items() if column.role in ("axis", "along")
+        column.axis: name for name, column in columns.items() if column.role in AXIS_ROLES
     }
-    views = {"views": int(table.view_count.max())} if "view_count" in table else {}
+    counts = next((table[name] for name in ("view_count", "views") if name in table), None)
+    views = {} if counts is None else {"views": int(counts.max())}
     variables = {name: variable for name, (variable, _) in figure_columns.items()}
     dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
     return Frame(
@@ -360,7 +371,7 @@ def _columns_of_figures(
                 role,
                 main.format,
                 main.listed,
-                TENTHS if is_percent else main.digits,
+                PERCENT_DIGITS if is_percent else main.digits,
                 100 if is_percent else 1,
                 printable(str(attrs.get("infinite", "inf"))),
             )
@@ -378,13 +389,13 @@ def column_of_axis(data: xr.Dataset, name: str) -> Column:
 
 def _is_extra(data: xr.Dataset, name: str) -> bool:
     """Return whether a coordinate is neither an axis of its own nor a setting."""
-    return name in data.coords and (name in HIDDEN or name not in data.dims)
+    return name in data.coords and (name in HIDDEN_COORDS or name not in data.dims)
 
 
 def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
     """Yield a figure for every variable of a table that is not shown beside another."""
-    names = [str(name) for name in table if not set(table[name].dims) & set(OF_ARRAYS)]
-    ends = [*BESIDE, *(end for pair in ENDS for end in pair)]
+    names = [str(name) for name in table if not set(table[name].dims) & set(ARRAY_DIMS)]
+    ends = [*BESIDE_SUFFIXES, *(end for pair in INTERVAL_SUFFIXES for end in pair)]
     for name in names:
         if not any(name.endswith(e) and name.removesuffix(e) in names for e in ends):
             yield Figure(name)
@@ -393,9 +404,9 @@ def _all_figures(table: xr.Dataset) -> Iterator[Figure]:
 def _complete_figure(figure: Figure, table: xr.Dataset) -> Figure:
     """Return a figure with an interval and columns found by name, where it declares none."""
     name = figure.variable
-    pairs = [pair for low, high in ENDS if {*(pair := (name + low, name + high))} <= {*table}]
-    low, high = (pairs or [("", "")])[0]
-    extra_columns = {name + end: name + end for end in BESIDE if name + end in table}
+    pairs = ((name + low, name + high) for low, high in INTERVAL_SUFFIXES)
+    low, high = next((pair for pair in pairs if {*pair} <= {*table}), ("", ""))
+    extra_columns = {name + end: name + end for end in BESIDE_SUFFIXES if name + end in table}
     return replace(
         figure,
         low=figure.low or low,
@@ -416,9 +427,9 @@ def stack_frames(parts: Sequence[Frame]) -> Frame:
     columns = {name: column for part in parts for name, column in part.columns.items()}
     across = next((part.across for part in parts if part.across), "")
     labels = [name for part in parts for name in part.parts[0].display.labels]
-    places = ("axis", "along")
-    axes = [name for name, column in columns.items() if column.role in places and name != across]
-    figures = [name for name, column in columns.items() if column.role not in places]
+    axes = [name for name, column in columns.items() if column.role in AXIS_ROLES]
+    axes = [name for name in axes if name != across]
+    figures = [name for name, column in columns.items() if column.role not in AXIS_ROLES]
     names = [*dict.fromkeys([*labels, *axes]), *[across] * bool(across), *figures]
     numbered = [part.rows.assign(**{PART: number}) for number, part in enumerate(parts)]
     rows = pd.concat(numbered, ignore_index=True) if len(numbered) > 1 else numbered[0]

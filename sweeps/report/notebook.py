@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import xarray as xr
@@ -80,7 +79,7 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
     dims = list(map(str, table[figure].dims))
     for name, dim in (("x", x), ("colour", colour)):
         if dim not in dims and (dim or name == "x"):
-            raise ValueError(f"{name} is {dim!r}, but must be {_choices_text(dims)}")
+            raise ValueError(f"{name} is {dim!r}, but must be one of {', '.join(dims)}")
     if x == colour:
         raise ValueError(f"colour is {colour!r}, but must differ from x")
     frame = tidy_frame(table, display, "")
@@ -104,13 +103,9 @@ def _display_of(table: xr.Dataset, variable: str) -> Display:
     if not numeric:
         raise ValueError("the data set has no numeric variable")
     if selected not in numeric:
-        raise ValueError(f"y is {variable!r}, but must be {_choices_text(numeric)}")
+        raise ValueError(f"y is {variable!r}, but must be one of {', '.join(numeric)}")
     for display, figure in figures:
         if figure.variable == selected:
             return replace(display, name=NAME, figures=(figure,))
     title = str(table[selected].attrs.get("long_name", selected.replace("_", " ")))
     return Display(NAME, title[:1].upper() + title[1:], (Figure(selected),))
-
-
-def _choices_text(names: Sequence[str]) -> str:
-    return f"one of {', '.join(names)}"

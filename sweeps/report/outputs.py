@@ -2,7 +2,6 @@
 
 Only files that a report wrote are replaced or removed, if unchanged. The folder of tables has a
 list of them with their digests, as of `sha256sum`. A page contains the digest of the rest of it.
-Imports nothing that takes long.
 """
 
 from __future__ import annotations
@@ -14,22 +13,22 @@ import uuid
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.engine.store.locks import folder_lock
 
 SUFFIX = ".zarr"
-WRITTEN = ".written"  # the list of a folder
-PAGE = "ncti-page"  # name of the meta element with the digest of a page
-UNKNOWN = 64 * "0"  # in place of the digest, when it is computed
-BEGINNING = 4096  # bytes of a page in which its digest stands
-NAMED = 3  # files that a sentence names
-FOLDER, FILE = 0o755, 0o644  # modes: others may never write
+LIST_NAME = ".written"  # the list of a folder
+PAGE_META = "ncti-page"  # name of the meta element with the digest of a page
+NO_DIGEST = 64 * "0"  # in place of the digest, when it is computed
+HEAD_BYTES = 4096  # bytes of a page in which its digest stands
+MAX_NAMES = 3  # files that a sentence names
+FOLDER_MODE, FILE_MODE = 0o755, 0o644  # modes: others may never write
 
-Listed = dict[str, tuple[str, ...]]  # digests by name
+Entries = dict[str, tuple[str, ...]]  # digests by name
 
 _LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
-_PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE.encode())
+_PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE_META.encode())
 
 
 def report_paths(path: PathOrUrl) -> tuple[Path, Path]:
@@ -80,46 +79,47 @@ def write_own_files(
     """
     if os.path.lexists(folder) and not folder.is_dir():
         return [folder]
-    folder.mkdir(FOLDER, exist_ok=True)
+    folder.mkdir(FOLDER_MODE, exist_ok=True)
     with folder_lock(folder):
-        listed = _read_list(folder / WRITTEN)
-        if listed is None:
-            return [folder / WRITTEN]
+        entries = _read_list(folder / LIST_NAME)
+        if entries is None:
+            return [folder / LIST_NAME]
         digests = {name: _digest(content) for name, content in contents.items()}
-        for name in [name for name in listed if instead_of and name.endswith(instead_of)]:
-            if name not in digests and _has_digest(folder / name, listed.pop(name)):
+        for name in [name for name in entries if instead_of and name.endswith(instead_of)]:
+            if name not in digests and _has_digest(folder / name, entries.pop(name)):
                 (folder / name).unlink()
-        changed = [
+        changed_names = [
             name for name, digest in digests.items() if not _has_digest(folder / name, (digest,))
         ]
-        free = [
+        free_names = [
             name
-            for name in changed
+            for name in changed_names
             if not os.path.lexists(folder / name)
-            or _has_digest(folder / name, listed.get(name, ()))
+            or _has_digest(folder / name, entries.get(name, ()))
         ]
         # Listed before and after with both digests: an interrupt leaves own files.
         _write_list(
-            folder, listed | {name: (*listed.get(name, ()), digests[name]) for name in free}
+            folder,
+            entries | {name: (*entries.get(name, ()), digests[name]) for name in free_names},
         )
-        for name in free:
+        for name in free_names:
             write_atomically(folder / name, contents[name])
-        _write_list(folder, listed | {name: (digests[name],) for name in free})
-    return [folder / name for name in changed if name not in free]
+        _write_list(folder, entries | {name: (digests[name],) for name in free_names})
+    return [folder / name for name in changed_names if name not in free_names]
 
 
-def _write_list(folder: Path, listed: Listed) -> None:
+def _write_list(folder: Path, entries: Entries) -> None:
     """Write the list of a folder, unless it is unchanged."""
-    lines = (f"{digest}  {name}\n" for name, digests in listed.items() for digest in digests)
-    path, content = folder / WRITTEN, "".join(lines).encode()
+    lines = (f"{digest}  {name}\n" for name, digests in entries.items() for digest in digests)
+    path, content = folder / LIST_NAME, "".join(lines).encode()
     if (content or path.exists()) and not _has_digest(path, (_digest(content),)):
         write_atomically(path, content)
 
 
 def seal_page(page: str) -> bytes:
-    """Return the bytes of a page that contains `UNKNOWN`, with its digest there instead."""
+    """Return the bytes of a page that contains `NO_DIGEST`, with its digest there instead."""
     content = page.encode("utf-8", "replace")
-    return content.replace(UNKNOWN.encode(), _digest(content).encode(), 1)
+    return content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1)
 
 
 def is_free(path: Path) -> bool:
@@ -129,17 +129,17 @@ def is_free(path: Path) -> bool:
     if path.is_symlink() or not path.is_file():
         return False
     content = path.read_bytes()
-    sealed_by = _PAGE.search(content[:BEGINNING])
+    sealed_by = _PAGE.search(content[:HEAD_BYTES])
     if not sealed_by:
         return False
     begin, end = sealed_by.span(2)
-    return _digest(content[:begin] + UNKNOWN.encode() + content[end:]) == sealed_by[2].decode()
+    return _digest(content[:begin] + NO_DIGEST.encode() + content[end:]) == sealed_by[2].decode()
 
 
-def blocked_sentence(kept: Sequence[Path]) -> str:
+def blocked_sentence(paths: Sequence[Path]) -> str:
     """Return a sentence on files that are in the way."""
-    names = ", ".join(printable(repr(str(path))) for path in kept[:NAMED])
-    if (unlisted := len(kept) - NAMED) > 0:
+    names = ", ".join(printable(repr(str(path))) for path in paths[:MAX_NAMES])
+    if (unlisted := len(paths) - MAX_NAMES) > 0:
         names += f" and {unlisted} more"
     return (
         f"{names} not overwritten: not created by ncti-report, or edited since; "
@@ -151,24 +151,24 @@ def write_atomically(path: Path, content: bytes) -> None:
     """Write a file under another name, then move it, so that it is never seen incomplete."""
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
-        temporary.touch(FILE, exist_ok=False)
+        temporary.touch(FILE_MODE, exist_ok=False)
         temporary.write_bytes(content)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def _read_list(path: Path) -> Listed | None:
+def _read_list(path: Path) -> Entries | None:
     """Read digests by name from a list; None if the path is anything else."""
     if not os.path.lexists(path):
         return {}
     if path.is_symlink() or not path.is_file():
         return None
     text = path.read_text(encoding="utf-8", errors="replace")
-    listed: Listed = {}
+    entries: Entries = {}
     for digest, name in _LINE.findall(text):
-        listed[name] = (*listed.get(name, ()), digest)
-    return listed if _LINE.sub("", text) == "" else None
+        entries[name] = (*entries.get(name, ()), digest)
+    return entries if _LINE.sub("", text) == "" else None
 
 
 def _has_digest(path: Path, digests: Iterable[str]) -> bool:

@@ -15,8 +15,7 @@ from ncti.evaluate import AspectAccuracy, paired_difference, replicated_accuracy
 from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, label_bins
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import Part
-from sweeps.report.stores import attributes, list_groups, opened, read_group
-from sweeps.stages.classifier import draw_aspects, kinds_of_aspects
+from sweeps.report.stores import attributes, list_groups, open_store, read_group
 
 ANSWERS = {
     "accuracy": "correct",
@@ -119,14 +118,16 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
 
     1 right, 0 wrong, negative for none, along a dimension `aspects` of the kinds present.
     """
-    store = opened(path)
+    from sweeps.stages.classifier import draw_aspects, kinds_of_aspects
+
+    store = open_store(path)
     group = part.group.replace("tables/", "classification/", 1)
     answers = read_group(store, group)[ANSWERS[part.display.figures[0].variable]].load()
     attrs = attributes(store)
-    marked = [group for group in list_groups(store) if "learned" in store[group]]  # of sensors
-    if not marked:
+    sensor_groups = [group for group in list_groups(store) if "learned" in store[group]]
+    if not sensor_groups:
         return answers
-    learned = read_group(store, marked[0])["learned"].load().reset_coords(drop=True)
+    learned = read_group(store, sensor_groups[0])["learned"].load().reset_coords(drop=True)
     ends = float(answers.aspect.min()), float(answers.aspect.max())
     number = attrs["configuration"]["grid"].get("random_aspects", 0)
     drawn = answers.aspect.isin(draw_aspects(*ends, number, attrs["seed"]))

@@ -17,13 +17,20 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import track
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.confusion import most_confused
 from sweeps.report.outputs import tables_folder, write_own_files
 from sweeps.report.screen import buffered_console, print_line
-from sweeps.report.stores import attributes, error_reason, list_groups, nominal, opened, read_group
+from sweeps.report.stores import (
+    attributes,
+    error_reason,
+    list_groups,
+    open_store,
+    read_group,
+    select_preferred,
+)
 from sweeps.report.words import unit_of
 
 if TYPE_CHECKING:
@@ -31,40 +38,39 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-NAMED = 6  # names of pictures that are printed
+MAX_NAMES = 6  # names of pictures that are printed
 FONT_SIZE = 8.5  # points
-ASPECT, TURNED = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
-SEEN = 60.0  # deg, of its Figures 6 to 8
-SCALE = 50.0  # m, drawn below its images
-STEP = 1.15  # between lines above one another
+PROFILE_ASPECT, BOW_TO_BEAM = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
+IMAGE_ASPECT = 60.0  # deg, of its Figures 6 to 8
+SCALE_BAR = 50.0  # m, drawn below its images
+LINE_SPACING = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS, CONFUSED = "ships", "classification"  # groups
 Floats = NDArray[np.float64]
 
-MEASURES = ("length", "beam", "height", "facets")
-SHADES = ("#34485c", "#b2cade")
+DIMENSIONS = ("length", "beam", "height", "facets")
+SHIP_COLOURS = ("#34485c", "#b2cade")
 """Of ships, visible on light and dark pages."""
 
 
 def draw_profiles(store: PathOrUrl) -> Figure:
     """Draw range profiles: one ship from bow to beam, all ships at one aspect, and averages."""
-    from matplotlib.figure import Figure  # here, since it takes long to import
+    from matplotlib.figure import Figure
 
-    profiles = read_group(opened(store), "range_profile")[["expected", "averaged"]]
+    profiles = read_group(open_store(store), "range_profile")[["expected", "averaged"]]
     dims = ("ship", "aspect", "frame_count", "down_range")
-    profiles = nominal(profiles, keep=dims)
-    quarter = profiles.sel(aspect=ASPECT, method="nearest").load()  # and no other views
+    profiles = select_preferred(profiles, keep=dims)
+    quarter = profiles.sel(aspect=PROFILE_ASPECT, method="nearest").load()  # and no other views
     ship, angle = profiles.ship.values[0], f"{float(quarter.aspect):g}°"
     ship_profiles = profiles.expected.sel(ship=ship)
-    turned = (
-        ship_profiles.sel(aspect=list(TURNED), method="nearest").drop_duplicates("aspect").load()
-    )
+    bow_to_beam = ship_profiles.sel(aspect=list(BOW_TO_BEAM), method="nearest")
+    bow_to_beam = bow_to_beam.drop_duplicates("aspect").load()
     averaged = quarter.averaged.sel(ship=ship)
     figure = Figure(figsize=(11.0, 4.6), dpi=150)
     # Fixed margins, since a layout engine takes as long as drawing.
     figure.subplots_adjust(left=0.01, right=0.99, bottom=0.11, top=0.86, wspace=0.04)
     panels = figure.subplots(1, 3)
-    _draw_stack(panels[0], turned, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
+    _draw_stack(panels[0], bow_to_beam, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
     _draw_stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
     _draw_stack(panels[2], averaged, "frame_count", "{} frames", f"{ship} at {angle}, averages")
     setting = f"{profiles.range.item():g} km, {profiles.pulse_width.item():g} ns pulses"
@@ -77,9 +83,10 @@ def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title
     for index, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
         profile = profiles.sel({over: value}) if profiles[over].ndim else profiles
         floor = profile.quantile(0.2).item()
-        height = (profile.values - floor) / ((profile.max().item() - floor) or 1.0) - STEP * index
+        extent = (profile.max().item() - floor) or 1.0
+        height = (profile.values - floor) / extent - LINE_SPACING * index
         axes.plot(profile.down_range, height, lw=1.1)
-        anchor = profile.down_range[-1].item(), 0.15 - STEP * index
+        anchor = profile.down_range[-1].item(), 0.15 - LINE_SPACING * index
         behind = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
         words = printable(label.format(value))
         # Noise may cross it.
@@ -93,17 +100,17 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    images = read_group(opened(store), "infrared")
+    images = read_group(open_store(store), "infrared")
     dims = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
-    view = nominal(images, keep=dims).sel(aspect=SEEN, method="nearest")
+    view = select_preferred(images, keep=dims).sel(aspect=IMAGE_ASPECT, method="nearest")
     ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
     view = view.sel(ship=ship)[["image", "log_polar"]].load()
     ranges, ways = view.range.values, view.super_resolution.values
-    shots = [
+    panels = [
         [_image_and_map(view.sel(range=r, super_resolution=way)) for way in ways] for r in ranges
     ]
     # Crop all images to the smallest, on one scale, so that the ship has one length in all.
-    extents = np.array([extent for row in shots for _, extent, _ in row])
+    extents = np.array([extent for row in panels for _, extent, _ in row])
     (left, low), (right, high) = extents[:, ::2].max(axis=0), extents[:, 1::2].min(axis=0)
     width, height, gap = right - left, high - low, 0.04 * (right - left)
     tall, margin = 1.5 * height, 3 * gap  # with the map, which is below the image
@@ -112,7 +119,7 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     # One pair of axes for all: drawing the ticks of many takes longer than the images.
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     text = partial(axes.annotate, fontsize=FONT_SIZE, ha="center", va="center")
-    for n, row in enumerate(shots):
+    for n, row in enumerate(panels):
         top = -n * (tall + gap)
         text(f"{ranges[n]:g} km", (-1.2 * gap, top - tall / 2), rotation="vertical")
         for k, (image, extent, cells) in enumerate(row):
@@ -127,11 +134,11 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
             text(span, (start + width - gap, top - gap), color="w", ha="right", bbox=box)
     for k, way in enumerate(ways):
         text(f"super-resolution: {printable(str(way))}", (k * (width + gap) + width / 2, gap))
-    axes.plot([0.0, SCALE], [-size[1] + margin] * 2, color="k", lw=2)
+    axes.plot([0.0, SCALE_BAR], [-size[1] + margin] * 2, color="k", lw=2)
     aspect, frames = float(view.aspect), int(view.frame_count)
-    words = f"{SCALE:g} m; {printable(str(ship))}, aspect {aspect:g}°, {frames} frames; "
+    words = f"{SCALE_BAR:g} m; {printable(str(ship))}, aspect {aspect:g}°, {frames} frames; "
     words += "below each image its log-polar map, radius over angle"
-    text(words, (SCALE + gap, -size[1] + margin), ha="left")
+    text(words, (SCALE_BAR + gap, -size[1] + margin), ha="left")
     axes.set(xlim=(gap - margin, size[0] - margin), ylim=(margin - gap - size[1], margin - gap))
     axes.set_axis_off()
     return figure
@@ -156,13 +163,13 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
     """Draw two ships side by side at an aspect: range profiles, and images of each."""
     from matplotlib.figure import Figure
 
-    root = opened(store)
-    rows = [group for group in PICTURED if group in list_groups(root)]
+    root = open_store(store)
+    rows = [group for group in DRAW_VIEW if group in list_groups(root)]
     figure = Figure(figsize=(5.6, 1.7 * len(rows) + 0.5), layout="constrained")
     panels = figure.subplots(len(rows), 2, sharex="row", sharey="row", squeeze=False)
     for row, group in zip(panels, rows, strict=True):
         for axes, ship in zip(row, ships, strict=True):
-            PICTURED[group](axes, root, ship, aspect)
+            DRAW_VIEW[group](axes, root, ship, aspect)
     for axes, ship in zip(panels[0], ships, strict=True):
         axes.set_title(f"{printable(ship)}, {aspect:g}°", fontsize=FONT_SIZE + 1)
     return figure
@@ -170,7 +177,8 @@ def draw_confused(store: PathOrUrl, ships: tuple[str, str], aspect: float) -> Fi
 
 def _draw_profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the expected range profile of one view."""
-    profiles = nominal(read_group(store, "range_profile")[["expected"]], keep=("ship", "aspect"))
+    profiles = read_group(store, "range_profile")[["expected"]]
+    profiles = select_preferred(profiles, keep=("ship", "aspect"))
     profile = profiles.expected.sel(ship=ship).sel(aspect=aspect, method="nearest").load()
     axes.plot(profile.down_range, profile, lw=1.1)
     axes.set_xlabel("down-range [m]", fontsize=FONT_SIZE)
@@ -179,7 +187,8 @@ def _draw_profile(axes: Axes, store: Any, ship: str, aspect: float) -> None:
 
 def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     """Draw the infrared image of one view, at the shortest range."""
-    images = nominal(read_group(store, "infrared"), keep=("ship", "aspect", "range", "row", "col"))
+    keep = "ship", "aspect", "range", "row", "col"
+    images = select_preferred(read_group(store, "infrared"), keep=keep)
     view = images.sel(ship=ship).sel(aspect=aspect, method="nearest")[["image"]]
     image, extent = _crop_image(view.sel(range=view.range.min()).load())
     left, right, low, high = extent
@@ -188,7 +197,7 @@ def _draw_silhouette(axes: Axes, store: Any, ship: str, aspect: float) -> None:
     axes.set_yticks([])
 
 
-PICTURED = {"range_profile": _draw_profile, "infrared": _draw_silhouette}
+DRAW_VIEW = {"range_profile": _draw_profile, "infrared": _draw_silhouette}
 """Drawings of one view, by the group of a store that they show."""
 
 
@@ -201,7 +210,6 @@ def draw_flights(
     returns the mesh of a label, instead of the known ship of that name. Raises ValueError if the
     store has no flights, or its ships are unknown.
     """
-    # Imported here, since only flights need it and it is slow to import.
     from sweeps.report.flights import (
         correction_stages,
         draw_stages,
@@ -210,7 +218,7 @@ def draw_flights(
         scan_of,
     )
 
-    root = opened(store)
+    root = open_store(store)
     if "validation" not in root:
         raise ValueError(f"{str(store)!r} has no flights, but must be the store of a sweep of irar")
     attrs = attributes(root)
@@ -241,23 +249,24 @@ def write_pictures(
     Returns the paths at which other files are in the way. Raises ConfigurationError if one cannot
     be drawn or written.
     """
-    aside, folder, blocked = Console(stderr=True), tables_folder(path), list[Path]()
+    stderr, folder, blocked = Console(stderr=True), tables_folder(path), list[Path]()
     try:
         drawn = draw_flights(path, ship=ship)
-        for name, make in track(drawn.items(), description="  pictures        ", console=aside):
+        for name, make in track(drawn.items(), description="  pictures        ", console=stderr):
             content = io.BytesIO()
             make().savefig(content, format="png")
             blocked += write_own_files(folder, {name: content.getvalue()})
     except (OSError, ValueError) as error:
         raise ConfigurationError(f"pictures are not drawn: {error}") from error
     names = list(drawn)
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    with buffered_console(console) as paged:
-        print_line(f"pictures  {printable(str(folder))}: {', '.join(names[:NAMED])}{more}", paged)
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    with buffered_console(console) as buffer:
+        listed = ", ".join(names[:MAX_NAMES]) + more
+        print_line(f"pictures  {printable(str(folder))}: {listed}", buffer)
     return list(dict.fromkeys(blocked))
 
 
-DRAWN: dict[str, Callable[[PathOrUrl], Figure]] = {
+DRAW_GROUP: dict[str, Callable[[PathOrUrl], Figure]] = {
     "range_profile": draw_profiles,
     "infrared": draw_silhouettes,
     "validation": lambda path: next(iter(draw_flights(path).values()))(),
@@ -274,11 +283,11 @@ def pictures_of(
     empty, and does not prevent the page.
     """
     drawn, present = {}, list_groups(store)
-    for group in (name for name in (CONFUSED, *DRAWN) if name in present):
+    for group in (name for name in (CONFUSED, *DRAW_GROUP) if name in present):
         try:
-            draw = DRAWN.get(group)
+            draw = DRAW_GROUP.get(group)
             if group == CONFUSED:
-                confused = most_confused(predictions) if {*PICTURED} & {*present} else None
+                confused = most_confused(predictions) if {*DRAW_VIEW} & {*present} else None
                 draw = confused and partial(draw_confused, ships=confused[0], aspect=confused[1])
             if draw is not None:
                 drawn[group] = _draw_png(draw, path), ""
@@ -304,7 +313,7 @@ def ships_of(store: Any) -> list[dict[str, Any]]:
     if SHIPS not in list_groups(store):
         return []
     table = read_group(store, SHIPS).load()
-    units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in MEASURES if n in table}
+    units = {n: unit_of(str(table[n].attrs.get("units", "1"))) for n in DIMENSIONS if n in table}
     ships = []
     for label in table.ship.values.tolist():
         row = table.sel(ship=label)
@@ -326,6 +335,6 @@ def encode_png(brightness: NDArray[np.floating]) -> str:
 
     if not np.isfinite(brightness).any():
         return ""
-    content, shades = io.BytesIO(), LinearSegmentedColormap.from_list("ship", SHADES)
-    imsave(content, brightness, cmap=shades, vmin=0, vmax=1, origin="lower", format="png")
+    content, colours = io.BytesIO(), LinearSegmentedColormap.from_list("ship", SHIP_COLOURS)
+    imsave(content, brightness, cmap=colours, vmin=0, vmax=1, origin="lower", format="png")
     return base64.b64encode(content.getvalue()).decode("ascii")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sweeps.report.frames import PART, Column, Frame, values_of
-from sweeps.report.words import NOTHING, WORDED, is_missing, preferred_value
+from sweeps.report.words import NOTHING, WORD_AXES, is_missing, preferred_value
 
 FEW_ANSWERS = 30  # answers below which a score is said to rest on few
 
@@ -24,6 +24,10 @@ class Entry:
     row: Any = None  # label of the frame's row, and column
     column: str = ""
 
+    def in_unit(self, unit: str) -> str:
+        """Return the figure with its unit and its interval."""
+        return " ".join(filter(None, [self.text, unit, self.interval and f"[{self.interval}]"]))
+
 
 @dataclass(frozen=True)
 class Line:
@@ -35,7 +39,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """A frame laid out: axes down, headings across, and lines of figures."""
 
     name: str
@@ -64,7 +68,7 @@ def word_axes(frame: Frame) -> list[str]:
     return [n for n in frame.down if n in frame.varying_axes and frame.rows[n].dtype == object]
 
 
-def lay_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
+def lay_out(frame: Frame, swept: Sequence[str] = ()) -> TextTable:
     """Return a frame as a table with one row for every place on the varying axes.
 
     The declared axes whose values are words, such as classifiers, are one column, the last.
@@ -99,7 +103,7 @@ def lay_out(frame: Frame, swept: Sequence[str] = ()) -> Table:
         lines = [_join_keys(line, columns, start) for line in lines]
         words = ", ".join(column.words for column in columns[start:])
         columns = (*columns[:start], replace(columns[start], words=words, unit=""))
-    return Table(
+    return TextTable(
         frame.name,
         title_with_unit(frame) if across else frame.title,
         columns,
@@ -125,13 +129,13 @@ def _column_heading(column: Column, value: Any) -> str:
         text += column.unit if column.unit == "°" else f" {column.unit}".rstrip()
     if column.axis == "aspect_bin":
         return f"aspect {text}" if text[:1].isdigit() else text
-    return text if column.axis in WORDED else f"{column.words} {text}"
+    return text if column.axis in WORD_AXES else f"{column.words} {text}"
 
 
 def _join_keys(line: Line, columns: Sequence[Column], start: int) -> Line:
     """Return a row with its keys from `start` on joined; numbers get the words of their axis."""
     words = [
-        text if column.axis in WORDED or not text[:1].isdigit() else f"{column.words} {text}"
+        text if column.axis in WORD_AXES or not text[:1].isdigit() else f"{column.words} {text}"
         for column, text in zip(columns[start:], line.keys[start:], strict=True)
         if text
     ]
@@ -143,12 +147,13 @@ def notes_of(frame: Frame) -> tuple[str, ...]:
     notes = [*frame.notes, *frame.joint, chance_in_words(frame)]
     if frame.columns_of_role("low") and frame.has_overall:
         notes.append(
-            "An interval of the whole takes in how much bins differ, and may be the widest."
+            "The overall interval includes the variation between aspect bins, so it may be wider "
+            "than theirs."
         )
     numbers = frame.rows["n"].dropna() if "n" in frame.rows else ()
-    least = min((number for number in numbers if number > 0), default=FEW_ANSWERS)
-    if least < FEW_ANSWERS:
-        notes.append(f"Where answers are few (n = {least:.0f} at the least), intervals are wide.")
+    min_answers = min((number for number in numbers if number > 0), default=FEW_ANSWERS)
+    if min_answers < FEW_ANSWERS:
+        notes.append(f"Where answers are few (minimum n = {min_answers:.0f}), intervals are wide.")
     return tuple(note for note in notes if note)
 
 

@@ -11,8 +11,8 @@ from typing import Any
 from sweeps.report.frames import Column, Frame, values_of
 from sweeps.report.words import OVERALL, is_number
 
-ALONG, UP = 6, 30  # ratio of its ends from which an axis is logarithmic
-EDGE = 6  # pixels between the ends of a bounded scale and the frame, for markers
+LOG_RATIO_ALONG, LOG_RATIO_UP = 6, 30  # ratio of its ends from which an axis is logarithmic
+EDGE_PADDING = 6  # pixels between the ends of a bounded scale and the frame, for markers
 
 
 def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
@@ -23,9 +23,9 @@ def figure_of(frame: Frame, figure: str) -> dict[str, Any]:
     bound = 1 if column.format.endswith("%") else 100 if column.unit == "%" else 0
     difference = column.format.startswith("+")  # may be below 0, where its chart has a line
     if bound and not difference:
-        y["scale"] = {"domain": [0, bound], "nice": False, "padding": EDGE}
+        y["scale"] = {"domain": [0, bound], "nice": False, "padding": EDGE_PADDING}
     else:
-        y["scale"] = {"zero": True} if difference else scale_of(values, UP)
+        y["scale"] = {"zero": True} if difference else scale_of(values, LOG_RATIO_UP)
     if bound == 1:
         y["axis"] = {"format": ".0%"}
     # Python's and d3's formats are the same, but for the digits of `g`.
@@ -49,7 +49,7 @@ def axis_of(column: Column, frame: Frame) -> dict[str, Any]:
     labels = {"labelExpr": "format(datum.value, '~g')", "labelOverlap": True}
     return encoding | {
         "type": "quantitative",
-        "scale": {**scale_of(values, ALONG), "padding": 22, "nice": False},
+        "scale": {**scale_of(values, LOG_RATIO_ALONG), "padding": 22, "nice": False},
         "axis": {**ticks, **labels},
     }
 

@@ -11,11 +11,11 @@ from typing import IO
 from rich.console import Console
 from rich.text import Text
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.run.process import guarded_stdout
 
-PIPED = 80  # cells of a line where there is no terminal
-PLAINER = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
+PIPE_WIDTH = 80  # cells of a line where there is no terminal
+ASCII = str.maketrans({"–": "-", "−": "-", "±": "~", "×": "x", "µ": "u", "°": " ", "…": "."})
 
 
 def stdout_console() -> Console:
@@ -23,7 +23,7 @@ def stdout_console() -> Console:
     console = Console(highlight=False)
     if not console.is_terminal:
         columns = os.environ.get("COLUMNS", "")
-        console.width = max(PIPED, int(columns) if columns.isdigit() else 0)
+        console.width = max(PIPE_WIDTH, int(columns) if columns.isdigit() else 0)
     return console
 
 
@@ -47,7 +47,7 @@ def _write_text(text: str, file: IO[str], encoding: str) -> None:
     try:
         text.encode(encoding)
     except UnicodeEncodeError:
-        text = text.translate(PLAINER).encode(encoding, "replace").decode(encoding)
+        text = text.translate(ASCII).encode(encoding, "replace").decode(encoding)
     with guarded_stdout():
         file.write(text)
         file.flush()

@@ -11,7 +11,7 @@ from typing import Any
 import xarray as xr
 import zarr
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
@@ -22,16 +22,16 @@ from sweeps.engine.store.tables import restore_scalars
 from sweeps.engine.store.writing import zarr_store
 from sweeps.report.words import MAIN, preferred_value
 
-ERRORS = "range_profile/profile_error"
-PRINTED = ("tables", ERRORS)  # what the report prints
+PROFILE_ERROR = "range_profile/profile_error"
+PRINTED_GROUPS = ("tables", PROFILE_ERROR)  # what the report prints
 # Dimensions of profiles and images.
-OF_ARRAYS = (
+ARRAY_DIMS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),
     *("horizontal", "vertical"),
 )
 
 
-def opened(path: PathOrUrl) -> Any:
+def open_store(path: PathOrUrl) -> Any:
     """Return a store with its metadata. Raises OSError if there is none."""
     location = resolve_path(path_or_url("store", path))
     return _open_group(location, Objects(location).get(METADATA))
@@ -74,16 +74,18 @@ def check_whole(path: PathOrUrl, groups: Iterable[str] | None = None) -> None:
         raise refusal(path, f"{files} damaged, missing or of something else: {bad[0]}")
 
 
-def refusal(path: PathOrUrl, why: str | Exception = "") -> ConfigurationError:
+def refusal(path: PathOrUrl, reason: str | Exception = "") -> ConfigurationError:
     """Return the error that a store is not one of a sweep with tables, or cannot be read now."""
     if isinstance(path, Path) and not path.exists():
         return ConfigurationError(f"store is {str(path)!r}, which does not exist")
-    if isinstance(why, OSError) and why.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
-        return ConfigurationError(f"store is {str(path)!r}, which cannot be read: {why.strerror}")
-    if isinstance(why, Exception) and not isinstance(why, ConfigurationError):
-        why = error_reason(why)
+    if isinstance(reason, OSError) and reason.errno not in {None, errno.ENOENT, errno.ENOTDIR}:
+        return ConfigurationError(
+            f"store is {str(path)!r}, which cannot be read: {reason.strerror}"
+        )
+    if isinstance(reason, Exception) and not isinstance(reason, ConfigurationError):
+        reason = error_reason(reason)
     sentence = f"store is {str(path)!r}, but must be the zarr store of a sweep with tables"
-    return ConfigurationError(sentence + (f" ({why})" if why else ""))
+    return ConfigurationError(sentence + (f" ({reason})" if reason else ""))
 
 
 def error_reason(error: Exception) -> str:
@@ -96,13 +98,13 @@ def failed_cells(store: Any) -> dict[str, str]:
     return dict(attributes(store).get("failures", {}))
 
 
-def nominal(dataset: xr.Dataset, *, keep: Iterable[str]) -> xr.Dataset:
+def select_preferred(dataset: xr.Dataset, *, keep: Iterable[str]) -> xr.Dataset:
     """Return a dataset at the preferred value of every axis, or else the first value.
 
     Dimensions in `keep`, and those of profiles and images, stay.
     """
     indices = {}
-    for dim in set(map(str, dataset.dims)) - {*keep, *OF_ARRAYS}:
+    for dim in set(map(str, dataset.dims)) - {*keep, *ARRAY_DIMS}:
         names = [str(name) for name in dataset.coords if dataset[name].dims == (dim,)]
         name = min(names, key=lambda name: name not in MAIN, default="")
         values = dataset[name].values.tolist() if name else []

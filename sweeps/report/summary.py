@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -14,42 +13,43 @@ from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.answer import answer_table
 from sweeps.report.changes import change_sentences, change_table, settings_sentence
 from sweeps.report.compare import Comparison, compare
-from sweeps.report.contest import main_frame
 from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, read_frames, select_table
 from sweeps.report.headline import accuracy_sentences, headline
 from sweeps.report.outputs import is_free, page_file, tables_folder
 from sweeps.report.pivot import constant_values, lay_out
+from sweeps.report.ranking import main_frame
 from sweeps.report.screen import buffered_console, print_line, print_note
 from sweeps.report.stores import (
-    PRINTED,
+    PRINTED_GROUPS,
     attributes,
     check_whole,
     error_reason,
     failed_cells,
-    opened,
+    open_store,
     relative_path,
 )
 from sweeps.report.terminal import print_table
-from sweeps.report.work import read_work
+from sweeps.report.timings import read_timings
+from sweeps.report.words import counted
 
 
 def tables_of(path: PathOrUrl) -> dict[str, Frame]:
-    """Return all tables of a store, the work of its last sweep included."""
-    frames, work = read_frames(path), read_work(path)
-    return frames | ({work.name: work} if work is not None else {})
+    """Return all tables of a store, the run time of its last sweep included."""
+    frames, timings = read_frames(path), read_timings(path)
+    return frames | ({timings.name: timings} if timings is not None else {})
 
 
 def print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print the headline of a finished store, the accuracy, and its main table."""
-    store = opened(path)
-    with buffered_console(console) as aside:
-        aside.print()
+    store = open_store(path)
+    with buffered_console(console) as buffer:
+        buffer.print()
         for sentence in headline(frames, attributes(store)):
-            print_note(sentence, aside, style="bold")
+            print_note(sentence, buffer, style="bold")
         for sentence in accuracy_sentences(store):
-            print_note(sentence, aside)
-        print_table(answer_table(main_frame(frames), swept_axes(path), aside.width), aside)
+            print_note(sentence, buffer)
+        print_table(answer_table(main_frame(frames), swept_axes(path), buffer.width), buffer)
 
 
 def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> list[Path]:
@@ -61,8 +61,8 @@ def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> li
     try:
         return write_tables(path, frames.values())
     finally:
-        with buffered_console(console) as aside:
-            _print_places(path, frames, aside)
+        with buffered_console(console) as buffer:
+            _print_places(path, frames, buffer)
 
 
 def report(
@@ -75,23 +75,23 @@ def report(
     it has no tables or lacks that one, or if the page cannot be written, and OSError if tables
     cannot be written beside it; the answer or the table is printed anyway.
     """
-    check_whole(path, None if html else PRINTED)
+    check_whole(path, None if html else PRINTED_GROUPS)
     frames = tables_of(path)
-    selected = None if table is None else select_table(frames, table)
-    if selected is None:
+    if table is None:
         print_answer(path, frames, console)  # first, since the page takes longer
-    blocked = write_store_page(path, frames) if html else []
-    if selected is None:
+        blocked = write_store_page(path, frames) if html else []
         return blocked + finish(path, frames, console)
+    selected = select_table(frames, table)
+    blocked = write_store_page(path, frames) if html else []
     try:
         return blocked + write_tables(path, frames.values())
     finally:
-        with buffered_console(console) as aside:
-            print_table(lay_out(selected, swept_axes(path)), aside, max_rows=None)
+        with buffered_console(console) as buffer:
+            print_table(lay_out(selected, swept_axes(path)), buffer, max_rows=None)
             shared = ", ".join(
                 f"{words} {text}" for words, text in constant_values(selected).items()
             )
-            print_note(f"In all rows: {shared}." if shared else "", aside)
+            print_note(f"In all rows: {shared}." if shared else "", buffer)
 
 
 def report_comparison(
@@ -108,8 +108,6 @@ def report_comparison(
     in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError if the
     stores have nothing in common, or a table is asked for of equal ones.
     """
-    from sweeps.report.page.write import comparison_page, write_page
-
     for path in (first, *others):
         check_whole(path)
     compared = compare(first, *others)
@@ -117,19 +115,18 @@ def report_comparison(
     if table is not None and not compared.frames:
         raise ConfigurationError(f"there is no table {table!r}: {change_sentences(compared)[0]}")
     selected = None if table is None else select_table(compared.frames, table)
-    with buffered_console(console) as aside:
+    with buffered_console(console) as buffer:
         if selected is not None:
-            print_table(lay_out(selected, swept_axes(first)), aside, max_rows=None)
+            print_table(lay_out(selected, swept_axes(first)), buffer, max_rows=None)
         else:
-            _print_changes(compared, aside, html=html)
+            _print_changes(compared, buffer, html=html)
     if not compared.frames:
         return blocked
     blocked = write_tables(compared.output_path, compared.frames.values())
     if html:
-        with _page_errors():
-            blocked += write_page(
-                page_file(compared.output_path), lambda: comparison_page(compared)
-            )
+        from sweeps.report.page.write import comparison_page
+
+        blocked += _write_page(compared.output_path, lambda: comparison_page(compared))
     return blocked
 
 
@@ -146,18 +143,17 @@ def write_store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]
 
     Raises ConfigurationError if it cannot be written.
     """
-    # Imported here, since the import takes longer than printing tables.
-    from sweeps.report.page.write import store_page, write_page
+    from sweeps.report.page.write import store_page
 
-    with _page_errors():
-        return write_page(page_file(path), lambda: store_page(path, frames))
+    return _write_page(path, lambda: store_page(path, frames))
 
 
-@contextmanager
-def _page_errors() -> Iterator[None]:
-    """Raise errors of writing a page as ConfigurationError."""
+def _write_page(path: PathOrUrl, make: Callable[[], str]) -> list[Path]:
+    """Write the page of a store; raise its errors as ConfigurationError."""
+    from sweeps.report.page.write import write_page
+
     try:
-        yield
+        return write_page(page_file(path), make)
     # zarr and xarray raise various errors for damaged groups without a table.
     except Exception as error:
         fault = getattr(error, "strerror", None) or error_reason(error)
@@ -166,7 +162,7 @@ def _page_errors() -> Iterator[None]:
 
 def swept_axes(path: PathOrUrl) -> Sequence[str]:
     """Return the names of the axes that were swept."""
-    axes: Sequence[str] = attributes(opened(path)).get("swept", ())
+    axes: Sequence[str] = attributes(open_store(path)).get("swept", ())
     return axes
 
 
@@ -179,13 +175,13 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
         print_table(change_table(compared, swept_axes(compared.paths[0])), console)
     print_line("", console)
     for path, name in zip(compared.paths, compared.names, strict=True):
-        if failed := failed_cells(opened(path)):
-            number = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-            print_line(f"failed  {number} of {name}: the comparison covers the others", console)
+        if failed := failed_cells(open_store(path)):
+            cells = f"{counted(len(failed), 'cell')} of {name}"
+            print_line(f"failed  {cells}: the comparison covers the others", console)
     if not compared.frames:
         return
-    count = f"{len(compared.frames)} CSV file" + "s" * (len(compared.frames) > 1)
-    print_line(f"tables  {relative_path(tables_folder(compared.output_path))} ({count})", console)
+    folder, files = tables_folder(compared.output_path), counted(len(compared.frames), "CSV file")
+    print_line(f"tables  {relative_path(folder)} ({files})", console)
     if html:
         print_line(f"page    {relative_path(page_file(compared.output_path))}", console)
     else:
@@ -196,13 +192,13 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
 def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
     """Print the paths of a store, its page and its tables, and the number of failed cells."""
     print_line("", console)
-    if failed := failed_cells(opened(path)):
-        count = f"{len(failed):,} cell" + "s" * (len(failed) > 1)
-        print_line(f"failed  {count}: the tables cover the others", console)
+    if failed := failed_cells(open_store(path)):
+        cells = counted(len(failed), "cell")
+        print_line(f"failed  {cells}: the tables cover the others", console)
     print_line(f"store   {relative_path(path)}", console)
     if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
         print_line(f"page    {relative_path(page_file(path))}", console)
-    count = f"{len(frames)} CSV file" + "s" * (len(frames) > 1)
-    print_line(f"tables  {relative_path(tables_folder(path))} ({count})", console)
+    files = counted(len(frames), "CSV file")
+    print_line(f"tables  {relative_path(tables_folder(path))} ({files})", console)
     table = next(iter(frames))
     print_line(f"next    ncti-report {shlex.quote(relative_path(path))} --table {table}", console)

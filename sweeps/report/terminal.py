@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import Literal
 
 from rich.cells import cell_len
 from rich.console import Console
-from rich.table import Table as Grid
+from rich.table import Table
 
-from sweeps.report.pivot import Entry, Line, Table
+from sweeps.report.pivot import Entry, Line, TextTable
 from sweeps.report.screen import plain_text, print_note
 
 GAP = 2  # blanks between columns
 MAX_LABEL_WIDTH, MAX_FIGURE_WIDTH, MIN_WIDTH = 26, 40, 4  # of a column, in characters
-FOLDED = 16  # of a single column of labels that folds, so that all figures fit
+FOLDED_WIDTH = 16  # of a single column of labels that folds, so that all figures fit
 MAX_ROWS = 60  # rows of a table; its file has all
 
 
@@ -28,7 +29,7 @@ class _Column:
     right: bool = False
 
 
-def print_table(table: Table, console: Console, *, max_rows: int | None = MAX_ROWS) -> None:
+def print_table(table: TextTable, console: Console, *, max_rows: int | None = MAX_ROWS) -> None:
     """Print a table and its notes, no wider than the console.
 
     Axes that do not fit as columns of labels become headings of sections, and figures that do not
@@ -37,7 +38,6 @@ def print_table(table: Table, console: Console, *, max_rows: int | None = MAX_RO
     console.print()
     print_note(table.title, console, style="bold")
     lines = table.lines[:max_rows]
-    texts = [[entry_text(cell) for cell in line.cells] for line in lines]
     labels, figures = _make_columns(table, lines)
     beside = _fitting_labels(labels, figures, console.width)
     section_count = len(labels) - len(beside)  # axes that head sections
@@ -47,34 +47,34 @@ def print_table(table: Table, console: Console, *, max_rows: int | None = MAX_RO
         if number:
             print_note("(further columns of the same table)", console)
         columns = [*beside, *(figures[k] for k in share)]
-        _print_row(
-            columns, [column.head for column in columns], console, style="bold", vertical="bottom"
-        )
+        heads = [column.head for column in columns]
+        _print_rows(columns, [heads], console, style="bold", vertical="bottom")
         print_note("─" * _total_width(columns), console)
-        before: tuple[str, ...] = ()
-        for line, row in zip(lines, texts, strict=True):
-            if line.keys[:section_count] != before[:section_count]:
-                before = ()
-                pairs = zip(table.down[:section_count], line.place, strict=False)
-                words = [axis.in_words(value) for axis, value in pairs if value is not None]
-                print_note(", ".join(words), console, style="bold")
-            keys = _blank_repeated_keys(line.keys[section_count:], before[section_count:])
-            _print_row(columns, [*keys, *(row[k] for k in share)], console)
-            before = line.keys
+        for _, section in groupby(lines, key=lambda line: line.keys[:section_count]):
+            rows, previous = [], tuple[str, ...]()
+            for line in section:
+                keys = line.keys[section_count:]
+                figure_texts = [entry_text(line.cells[k]) for k in share]
+                rows.append([*_blank_repeated_keys(keys, previous), *figure_texts])
+                previous = keys
+            pairs = zip(table.down[:section_count], line.place, strict=False)
+            words = [axis.in_words(value) for axis, value in pairs if value is not None]
+            print_note(", ".join(words), console, style="bold")
+            _print_rows(columns, rows, console)
     if len(table.lines) > len(lines):
         print_note(f"{len(table.lines) - len(lines)} more rows are in {table.name}.csv.", console)
     for text in table.notes:
         print_note(text, console)
 
 
-def count_fitting_columns(table: Table, width: int) -> int:
+def count_fitting_columns(table: TextTable, width: int) -> int:
     """Return the number of a table's columns of figures that fit in a width beside its labels."""
     labels, figures = _make_columns(table, table.lines)
     beside = _fitting_labels(labels, figures, width)
     return len(next(_iter_shares(figures, width - _total_width(beside) - GAP)))
 
 
-def _make_columns(table: Table, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
+def _make_columns(table: TextTable, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
     """Return the columns of labels and of figures, for some rows of a table."""
     labels = [
         _make_column(column.heading, [line.keys[k] for line in lines], MAX_LABEL_WIDTH)
@@ -114,15 +114,15 @@ def _fitting_labels(
     As many as leave space for all figures, or at least for the widest; the last one may fold.
     """
     widest = max((figure.width for figure in figures), default=0)
-    last = min(_total_width(labels[-1:]), FOLDED)
-    needed = GAP + (
+    last = min(_total_width(labels[-1:]), FOLDED_WIDTH)
+    figures_width = GAP + (
         _total_width(figures) if last + GAP + _total_width(figures) <= width else widest
     )
     beside = labels
-    while len(beside) > 1 and _total_width(beside) + needed > width:
+    while len(beside) > 1 and _total_width(beside) + figures_width > width:
         beside = beside[1:]
     if len(beside) == 1:
-        available = width - needed
+        available = width - figures_width
         beside = [replace(beside[0], width=max(min(beside[0].width, available), MIN_WIDTH))]
     return beside
 
@@ -131,27 +131,28 @@ def _total_width(columns: Sequence[_Column]) -> int:
     return sum(column.width for column in columns) + GAP * max(len(columns) - 1, 0)
 
 
-def _print_row(
+def _print_rows(
     columns: Sequence[_Column],
-    texts: Sequence[str],
+    rows: Sequence[Sequence[str]],
     console: Console,
     *,
     style: str = "",
     vertical: Literal["top", "bottom"] = "top",
 ) -> None:
-    """Print texts beside each other, folded at blanks; only a longer word is broken."""
-    grid = Grid.grid(padding=(0, GAP, 0, 0), pad_edge=False)
+    """Print rows of texts beside each other, folded at blanks; only a longer word is broken."""
+    grid = Table.grid(padding=(0, GAP, 0, 0), pad_edge=False)
     for column in columns:
         justify: Literal["left", "right"] = "right" if column.right else "left"
         grid.add_column(width=column.width, justify=justify, vertical=vertical)
-    grid.add_row(*map(plain_text, texts), style=style)
+    for row in rows:
+        grid.add_row(*map(plain_text, row), style=style)
     console.print(grid)
 
 
-def _blank_repeated_keys(keys: Sequence[str], before: Sequence[str]) -> list[str]:
+def _blank_repeated_keys(keys: Sequence[str], previous: Sequence[str]) -> list[str]:
     """Return the keys of a row, with leading keys that repeat the previous row's empty."""
     repeated = 0
-    while repeated < min(len(keys), len(before)) - 1 and keys[repeated] == before[repeated]:
+    while repeated < min(len(keys), len(previous)) - 1 and keys[repeated] == previous[repeated]:
         repeated += 1
     return ["" if k < repeated else key for k, key in enumerate(keys)]
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import pandas as pd
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 
 NOTHING = "–"  # for a missing figure
-IN_FILES = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}
-WRITTEN = {"degree": "°", "urad": "µrad", "1": ""}
+FILE_UNITS = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "percent"}
+PRINTED_UNITS = {"degree": "°", "urad": "µrad", "1": ""}
 UNITS = {"aspect_bin": "degree"}  # of pooled aspects, whose values are words
 
 # Words of classifiers and sensors, which the configuration names shortly.
@@ -22,7 +22,7 @@ WORDS = {
     **{"pca_qda": "PCA with QDA", "mlp": "MLP", "cnn": "CNN"},
     **{"range": "range profile", "infrared": "silhouette", "both": "both sensors"},
 }
-WORDED = ("classifier", "channel")
+WORD_AXES = ("classifier", "channel")
 ABBREVIATIONS = ("cnr", "ifov", "nedt")  # in names of axes
 
 # From the simplest: of equals a headline names the first.
@@ -58,7 +58,7 @@ def words_of(name: str) -> str:
 
 def file_name(name: str, units: str) -> str:
     """Return the name of a column with its unit, such as `range_km`."""
-    unit = IN_FILES.get(units)
+    unit = FILE_UNITS.get(units)
     if unit is None:
         unit = re.sub(r"[^a-z0-9]+", "_", re.sub(r" (\w+)-1\b", r"_per_\1", units.lower()))
     return f"{name}_{unit.strip('_')}" if unit.strip("_") else name
@@ -66,7 +66,12 @@ def file_name(name: str, units: str) -> str:
 
 def unit_of(units: str) -> str:
     """Return a unit as printed; empty if there is none."""
-    return WRITTEN.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
+    return PRINTED_UNITS.get(units, re.sub(r" (\w+)-1\b", r"/\1", printable(units)))
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun, in the plural if need be."""
+    return f"{number:,} {noun}" + "s" * (number != 1)
 
 
 def is_missing(value: Any) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ncti.render import cast_rays
 from ncti.render.view import View
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.stages.meshes import description, mesh_source

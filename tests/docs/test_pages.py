@@ -10,7 +10,7 @@ from docs._tables import __main__ as command
 from docs._tables import pages
 from docs._tables.pages import to_markdown
 
-LONGEST = 12  # rows of a table on a page; longer ones are CSV files
+MAX_PAGE_ROWS = 12  # rows of a table on a page; longer ones are CSV files
 SHORT = ("results", "reproduction", "operate", "benchmark")
 DECLARED = {"settings", "stage_inputs"}  # of declarations: tests/sweeps/test_declarations.py
 TABLES = sorted((pages.ROOT / "docs" / "tables").glob("*.csv"))
@@ -77,7 +77,7 @@ def test_every_table_of_a_page_has_its_command(page):
     assert len(named) == text.count("<!-- begin") == text.count(pages.END)
     assert set(named) <= set(command.REPORTS)
     for printed in re.findall(f"<!-- begin.*?{pages.END}", text, re.S):
-        assert len(re.findall(r"^\|", printed, re.M)) - 2 <= LONGEST, printed[:80]
+        assert len(re.findall(r"^\|", printed, re.M)) - 2 <= MAX_PAGE_ROWS, printed[:80]
 
 
 @pytest.mark.parametrize("path", TABLES, ids=lambda path: path.stem)

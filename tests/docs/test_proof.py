@@ -20,7 +20,7 @@ TINY = (
     "render.pixel=1",
 )
 GRID = (*TINY, "grid.ship=[duncan,texas]", "grid.aspect=[0,45,90]", "grid.frame_count=[4,8]")
-SMALL = (*operate.WHOLE, "grid.ship=[duncan,horne,spruance,texas,connole,roberts]")
+SMALL = (*operate.EXPERIMENT, "grid.ship=[duncan,horne,spruance,texas,connole,roberts]")
 
 
 def test_a_loop_takes_as_long_as_its_settings():
@@ -96,7 +96,7 @@ def test_each_number_of_ships_of_the_sensors_is_computed_alone():
     assert [one.same is not None for one in few] == [False, True]
     for one, ships in zip(few, (4, 6), strict=True):
         choices = choices_of(one.overrides)
-        axes = (*operate.OF_SENSORS, operate.Operate.fleet)
+        axes = (*operate.SENSOR_AXES, operate.Operate.fleet)
         assert all(len(choices[axis]) == 1 for axis in axes)
         assert choices[operate.Operate.fleet] == (ships,)
         named = np.array(choices[operate.Grid.ship])

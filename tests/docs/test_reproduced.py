@@ -83,6 +83,6 @@ def test_tables_that_are_not_fitted_to_are_marked(reports):
 def test_a_parameter_is_shown_by_its_values(reports):
     """The one setting that has all the weight has them."""
     rows, values = reports[2].rows, assumed(5)
-    assert len(rows) == reproduced.LISTED
+    assert len(rows) == reproduced.MAX_PARAMETERS
     assert rows[0]["all"].startswith(f"{values['depression']} 100 %; ")
     assert rows[1]["all"].startswith(f"{values['place_right']:.3g} (")

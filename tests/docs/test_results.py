@@ -69,8 +69,8 @@ def made(tmp_path_factory):
 def test_sweeps_have_what_the_tables_show():
     """Errors of navigation, and every ship of the validation at a range of its own there."""
     errors = choices_of(result_flights.SENSITIVITY)[Irar.errors]
-    assert set(result_flights.WRONG) <= set(errors)
-    ranges = choices_of(result_flights.NEAR)[Irar.range]
+    assert set(result_flights.NAVIGATION_ERRORS) <= set(errors)
+    ranges = choices_of(result_flights.NEAR_STERN)[Irar.range]
     assert sorted(result_flights.MISSIONS.values()) == sorted(ranges)
 
 

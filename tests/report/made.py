@@ -59,7 +59,7 @@ def scores(seed=0, prefixes=("",), bins=BINS, **axes):
     return table
 
 
-def shown(tables, classifier="acn", **more):
+def displayed(tables, classifier="acn", **more):
     """Those tables with the displays of a classifier's scores."""
     labels = {"classifier": classifier, "channel": "range"}
     displays = score_displays(labels, scored="ship", source=classifier, chance=(25.0, 25.0))

@@ -10,6 +10,7 @@ import rich.console  # noqa: F401
 import xarray  # noqa: F401
 import zarr  # noqa: F401
 
+import sweeps.report.article_columns
 import sweeps.report.pictures
 import sweeps.report.summary  # noqa: F401
 from sweeps.report import command

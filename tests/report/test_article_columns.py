@@ -5,13 +5,14 @@ import copy
 import numpy as np
 import pytest
 from commands import chosen
-from made import SOURCE, categories, scores, shown
+from made import SOURCE, categories, displayed, scores
 from pages import stored
 
 from ncti.article import article_figures
 from sweeps.engine.declare.settings import nested
 from sweeps.experiment import EXPERIMENT
 from sweeps.report.frames import read_frames
+from sweeps.stages.classifier import draw_aspects
 
 AXES = {"pulse_width": [10.0, 30.0], "range": 100.0, "vigilance": [0.9, 0.95]}
 BINS = ("0-27", "30-57", "60-90", "overall")
@@ -19,7 +20,7 @@ BINS = ("0-27", "30-57", "60-90", "overall")
 
 def found(tmp_path, attributes=SOURCE, **more):
     table = scores(prefixes=("", "training_"), bins=BINS, **AXES, frame_count=[4, 16], **more)
-    path = stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))
+    path = stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))
     return read_frames(path)["scores"].rows
 
 
@@ -45,6 +46,9 @@ def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
         {"digests": {"duncan": "0"}},
         {"range": 50.0},
         {"aspects": ["between"]},
+        {"grid": {"aspect": list(range(0, 91, 2))}},
+        {"grid": {"aspect": [*range(0, 91, 3), 20], "random_aspects": 1}},
+        {"transforms": {"duncan": "scale: 0.5"}},
     ],
     ids=str,
 )
@@ -53,17 +57,29 @@ def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
     for key, value in changed.items():
         if key == "digests":
             attributes["mesh_digests"] |= value
+        elif key == "transforms":
+            attributes["mesh_transforms"] = value
         elif key in ("range", "aspects"):
             more[key] = value
         else:
             attributes["configuration"].setdefault(key, {}).update(value)
     if "range" in more:
         table = scores(prefixes=("",), bins=BINS, **(AXES | more), frame_count=[4, 16])
-        path = stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))
+        path = stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))
         rows = read_frames(path)["scores"].rows
     else:
         rows = found(tmp_path, attributes, **more)
     assert "article_percent_correct" not in rows
+
+
+@pytest.mark.parametrize("number", [1, 10])
+def test_the_article_stands_beside_learned_aspects_where_random_ones_are_added(number, tmp_path):
+    attributes = copy.deepcopy(SOURCE) | {"seed": 3}
+    grid = attributes["configuration"]["grid"]
+    grid["aspect"] = sorted({*grid["aspect"], *draw_aspects(0.0, 90.0, number, seed=3)})
+    grid["random_aspects"] = number
+    rows = found(tmp_path, attributes, aspects=["learned", "random"])
+    assert set(rows[rows.article_percent_correct.notna()].aspects) == {"learned"}
 
 
 def test_of_a_setting_that_is_swept_only_rows_at_the_article_s_value_are_compared(tmp_path):
@@ -74,10 +90,14 @@ def test_of_a_setting_that_is_swept_only_rows_at_the_article_s_value_are_compare
     assert set(rows[rows.article_percent_correct.notna()][cnr]) == {32.0}
 
 
-def test_table_3_stands_beside_categories(tmp_path):
-    table = categories(20, pulse_width=[10.0, 30.0], vigilance=[0.9, 0.95], range=[100.0])
+@pytest.mark.parametrize("views", [124, 123])
+def test_table_3_stands_beside_categories_of_all_views(views, tmp_path):
+    table = categories(20, views, pulse_width=[10.0, 30.0], vigilance=[0.9, 0.95], range=[100.0])
     path = stored(tmp_path / "s.zarr", SOURCE, tables__categories_acn=table)
     rows = read_frames(path)["categories"].rows
+    if views < 124:
+        assert "article_categories" not in rows
+        return
     compared = rows[rows.article_categories.notna()]
     assert compared.article_categories.tolist() == [26, 18] and set(compared.vigilance) == {0.95}
 
@@ -88,8 +108,8 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
     ours = scores(2, bins=BINS, **axes)
     path = stored(
         tmp_path / "s.zarr",
-        tables__likelihood=shown(bound, "likelihood"),
-        tables__acn=shown(ours),
+        tables__likelihood=displayed(bound, "likelihood"),
+        tables__acn=displayed(ours),
     )
     rows = read_frames(path)["scores"].rows
     acn = rows[rows.classifier == "acn"]

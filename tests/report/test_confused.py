@@ -2,13 +2,13 @@
 
 import numpy as np
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import page_of, parsed, read_page, stored
 
 from sweeps.report.confusion import confusion_frame, most_confused, read_predictions
 from sweeps.report.frames import read_frames
 from sweeps.report.outputs import page_file
-from sweeps.report.stores import opened
+from sweeps.report.stores import open_store
 
 SHIPS, ASPECTS = ["duncan", "horne", "texas"], [0.0, 30.0, 60.0]
 
@@ -28,16 +28,16 @@ def test_ships_are_confused_either_way_over_all_classifiers(tmp_path):
         "classification__acn": answers(wrong=[(0, 1, 0), (2, 1, 1)]),
         "classification__mnn": answers((2, 0, 1), wrong=[(2, 1, 1), (1, 2, 2), (0, 1, 0)]),
     }
-    confused = most_confused(read_predictions(opened(stored(tmp_path / "s.zarr", **groups))))
+    confused = most_confused(read_predictions(open_store(stored(tmp_path / "s.zarr", **groups))))
     assert confused == (("horne", "texas"), 30.0)
 
 
 def test_without_wrong_answers_no_ships_are_confused(tmp_path):
-    groups = {"classification__acn": answers(), "tables__acn": shown(scores(cnr=[5.0, 10.0]))}
+    groups = {"classification__acn": answers(), "tables__acn": displayed(scores(cnr=[5.0, 10.0]))}
     path = stored(tmp_path / "s.zarr", **groups)
-    assert most_confused(read_predictions(opened(path))) is None
+    assert most_confused(read_predictions(open_store(path))) is None
     assert not parsed(page_of(path)).root.all("section", id="confused")
-    without = opened(stored(tmp_path / "t.zarr", tables__acn=scores(a=[1])))
+    without = open_store(stored(tmp_path / "t.zarr", tables__acn=scores(a=[1])))
     assert most_confused(read_predictions(without)) is None
 
 
@@ -51,7 +51,7 @@ def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):
     groups = {"classification__acn": answers(), "classification__mnn": twice}
     groups |= {
         "range_profile": xr.Dataset({"image": ("x", [1.0])}),
-        "tables__acn": shown(scores(cnr=[5.0, 10.0])),
+        "tables__acn": displayed(scores(cnr=[5.0, 10.0])),
     }
     root = parsed(page_of(stored(tmp_path / "s.zarr", **groups))).root
     (section,) = root.all("section", id="confused")
@@ -60,7 +60,7 @@ def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):
 
 def test_every_classifier_has_its_confusion_beside_its_scores(smoke_store):
     frames = read_frames(smoke_store)
-    matrix = confusion_frame(read_predictions(opened(smoke_store)), frames)
+    matrix = confusion_frame(read_predictions(open_store(smoke_store)), frames)
     pairs = ["classifier", "channel"]
     scored = frames["scores"].rows
     assert {*map(tuple, matrix.rows[pairs].values)} == {*map(tuple, scored[pairs].values)}

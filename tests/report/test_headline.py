@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
-from made import SHIPS, scores, shown
+from made import SHIPS, displayed, scores
 from pages import stored
 
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure
 from sweeps.engine.declare.storable import encode_attrs
-from sweeps.report.contest import main_axis, main_frame
 from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
+from sweeps.report.ranking import main_axis, main_frame
 
 GIVEN = {"grid": {"ship": list(SHIPS)}}
 
@@ -34,7 +34,7 @@ def shares(*values, **axes):
 def test_it_is_along_the_axis_that_was_swept(tmp_path):
     table = scores(cnr=[23.0, 26.0, 32.0], frame_count=[4, 16], range=100.0)
     attrs = {"configuration": GIVEN, "swept": ["cnr"]}
-    text = sentence(tmp_path, attrs, tables__acn=shown(table))
+    text = sentence(tmp_path, attrs, tables__acn=displayed(table))
     overall = table.sel(aspect_bin="overall", frame_count=16)
     for cnr, place in ((23.0, "of four ships at CNR 23 dB"), (32.0, "at 32 dB")):
         point = overall.sel(cnr=cnr)
@@ -45,45 +45,26 @@ def test_it_is_along_the_axis_that_was_swept(tmp_path):
     assert "(range 100 km, frame count 16)" in text and text.endswith("chance 25 %.")
 
 
-@pytest.mark.parametrize(
-    ("likelihood", "best"),
-    [((0.5, 0.95), "maximum likelihood"), ((0.9, 0.4), "ACN"), ((0.8, 0.6), "ACN")],
-    ids=["mean", "one end alone", "equal"],
-)
-def test_the_best_on_average_is_named_and_of_equals_the_simplest(likelihood, best, tmp_path):
-    tables = {
-        "tables__likelihood": shown(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
-        "tables__acn": shown(shares(0.6, 0.8, cnr=[23.0, 32.0])),
-    }
-    text = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
-    assert text.startswith(f"Best of 2: {best} on range profiles identifies")
+ONE, NONE = "1 of 2 values of CNR, the one that all have.", "none is shared."
 
 
 @pytest.mark.parametrize(
-    ("likelihood", "acn", "best", "ranked"),
+    ("correlation", "acn", "best", "ranked"),
     [
-        (
-            (0.5, 0.9),
-            (np.nan, 0.8),
-            "maximum likelihood",
-            "1 of 2 values of CNR, the one that all have.",
-        ),
-        ((0.5, 0.7), (np.nan, 0.8), "ACN", "1 of 2 values of CNR, the one that all have."),
-        ((0.5, 0.9), (0.6, 0.9), "ACN", ""),
-        (
-            (0.5, np.nan),
-            (np.nan, 0.8),
-            "ACN",
-            "means over different values of CNR, since none is shared.",
-        ),
+        ((0.5, 0.95), (0.6, 0.8), "correlation", ""),
+        ((0.9, 0.4), (0.6, 0.8), "ACN", ""),
+        ((0.8, 0.6), (0.6, 0.8), "correlation", ""),
+        ((0.5, 0.9), (np.nan, 0.8), "correlation", ONE),
+        ((0.5, 0.7), (np.nan, 0.8), "ACN", ONE),
+        ((0.5, np.nan), (np.nan, 0.8), "ACN", f"means over different values of CNR, since {NONE}"),
     ],
-    ids=["failed where all are poor", "failed", "whole", "nothing in common"],
+    ids=["mean", "one end", "equal", "failed where all are poor", "failed", "none in common"],
 )
-def test_the_best_is_ranked_by_values_that_all_have(likelihood, acn, best, ranked, tmp_path):
-    """A classifier whose cells failed at a poor carrier-to-noise ratio is no better for that."""
+def test_the_best_has_the_highest_mean_over_shared_values(correlation, acn, best, ranked, tmp_path):
+    """Of equals it is the simplest; a classifier that failed where all are poor is no better."""
     tables = {
-        "tables__likelihood": shown(shares(*likelihood, cnr=[23.0, 32.0]), "likelihood"),
-        "tables__acn": shown(shares(*acn, cnr=[23.0, 32.0])),
+        "tables__correlation": displayed(shares(*correlation, cnr=[23.0, 32.0]), "correlation"),
+        "tables__acn": displayed(shares(*acn, cnr=[23.0, 32.0])),
     }
     text = sentence(tmp_path, {"swept": ["cnr"]}, **tables)
     assert text.startswith(f"Best of 2: {best} on range profiles identifies")
@@ -91,7 +72,7 @@ def test_the_best_is_ranked_by_values_that_all_have(likelihood, acn, best, ranke
 
 
 def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
-    table = shown(shares(0.3, 0.6, cnr=[23.0, 32.0]))
+    table = displayed(shares(0.3, 0.6, cnr=[23.0, 32.0]))
     text = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)
     first = "30 % [20–40] of ships at CNR 23 dB, not significantly better than chance"
     assert f"{first}, and 60 % [50–70]" in text
@@ -101,7 +82,7 @@ def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
 def test_an_axis_that_the_best_does_not_depend_on_is_not_named(tmp_path):
     best = shares(0.9, frame_count=[16])
     other = shares(0.4, 0.6, votes=[1, 5])
-    tables = {"tables__likelihood": shown(best, "likelihood"), "tables__acn": shown(other)}
+    tables = {"tables__likelihood": displayed(best, "likelihood"), "tables__acn": displayed(other)}
     text = sentence(tmp_path, {"swept": ["votes"]}, **tables)
     assert "maximum likelihood" in text and "votes" not in text and "–;" not in text
 
@@ -115,7 +96,7 @@ def test_few_answers_are_said_and_unknown_ships_do_not_count(tmp_path):
             "classifier": {"unknown": ["texas"]},
         }
     }
-    text = sentence(tmp_path, attrs, tables__acn=shown(few))
+    text = sentence(tmp_path, attrs, tables__acn=displayed(few))
     assert "of one ship" in text and re.search(r"Few answers \(n = 8\)", text)
 
 
@@ -176,8 +157,8 @@ def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
     ids=["more values", "more values of the second", "one classifier", "of both classifiers"],
 )
 def test_curves_run_along_the_axis_with_the_most_steps(tmp_path, acn, others, axis):
-    tables = {"tables__acn": shown(scores(0, **acn))}
+    tables = {"tables__acn": displayed(scores(0, **acn))}
     if others:
-        tables["tables__likelihood"] = shown(scores(1, **others), "likelihood")
+        tables["tables__likelihood"] = displayed(scores(1, **others), "likelihood")
     path = stored(tmp_path / "s.zarr", {}, **tables)
     assert main_axis(main_frame(read_frames(path)), [*acn]) == axis

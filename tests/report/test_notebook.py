@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import page_of, parsed, stored
 
 from sweeps.report import chart
@@ -25,7 +25,7 @@ def document(made):
 
 
 def test_it_has_the_rows_and_scales_of_the_page(tmp_path):
-    path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=shown(scores(**AXES)))
+    path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=displayed(scores(**AXES)))
     ds = xr.open_zarr(path, group="tables/acn")
     in_notebook = document(chart(ds, x="cnr", y="accuracy", colour="range"))
     page = parsed(page_of(path)).data["tables"]["scores"]
@@ -62,7 +62,7 @@ def test_a_table_without_a_display_and_a_selection_have_a_chart():
 )
 def test_other_arguments_are_refused(arguments, said):
     with pytest.raises(ValueError, match=f"^{re.escape(said)}"):
-        chart(shown(scores(**AXES)), **arguments)
+        chart(displayed(scores(**AXES)), **arguments)
 
 
 def test_a_data_set_without_numbers_is_refused():

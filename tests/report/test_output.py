@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from forked import statuses
-from made import categories, scores, shown
+from made import categories, displayed, scores
 from rich.console import Console
 from stores import contents, reported, rows_of, signed
 
@@ -19,7 +19,7 @@ from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import outputs
 from sweeps.report.files import neutralise_formula, write_tables
 from sweeps.report.frames import Column, Frame, read_frames
-from sweeps.report.outputs import WRITTEN, page_file, tables_folder
+from sweeps.report.outputs import LIST_NAME, page_file, tables_folder
 from sweeps.report.pivot import lay_out
 from sweeps.report.summary import report
 from sweeps.report.terminal import entry_text
@@ -30,7 +30,7 @@ AXES = {"pulse_width": [30.0], "range": [100.0], "vigilance": [0.95], "frame_cou
 
 def made(path, **axes):
     """A store of two tables."""
-    tables = shown(scores(prefixes=("", "training_"), **AXES, target_free_ifovs=4000, **axes))
+    tables = displayed(scores(prefixes=("", "training_"), **AXES, target_free_ifovs=4000, **axes))
     tables.to_zarr(path, group=GROUP, mode="w", consolidated=False)
     formed = categories(7, pulse_width=[30.0], vigilance=[0.95])
     formed.to_zarr(path, group="tables/categories_acn", mode="w", consolidated=False)
@@ -322,9 +322,9 @@ def test_reports_at_once_list_the_files_of_both(tmp_path):
     for process in processes:
         process.join()
         assert process.exitcode == 0
-    listed = [line.partition("  ")[2] for line in (tmp_path / WRITTEN).read_text().splitlines()]
+    listed = [line.partition("  ")[2] for line in (tmp_path / LIST_NAME).read_text().splitlines()]
     assert sorted(listed) == sorted(names[0] + names[1])
-    assert {path.name for path in tmp_path.iterdir()} == {WRITTEN, *names[0], *names[1]}
+    assert {path.name for path in tmp_path.iterdir()} == {LIST_NAME, *names[0], *names[1]}
 
 
 @pytest.mark.parametrize("mask", [0, 0o077])
@@ -391,8 +391,8 @@ def test_a_list_of_files_that_is_damaged_costs_no_file(listed, tmp_path):
     folder.mkdir()
     for path in (folder / "theirs.csv", tmp_path / "theirs.csv"):
         path.write_text("kept")
-    (folder / WRITTEN).write_bytes(listed)
+    (folder / LIST_NAME).write_bytes(listed)
     # It may be the user's own file, which is not replaced.
-    assert write(folder, "scores") == [folder / WRITTEN]
+    assert write(folder, "scores") == [folder / LIST_NAME]
     assert set(contents(tmp_path)) == {"theirs.csv", "s-tables/theirs.csv"}
-    assert (folder / WRITTEN).read_bytes() == listed
+    assert (folder / LIST_NAME).read_bytes() == listed

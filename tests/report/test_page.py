@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import page_of, parsed, read_page, stored
 from stores import printed
 
@@ -17,7 +17,7 @@ from sweeps.engine.run.schedule import Progress
 from sweeps.report.frames import Column, Frame, frame, read_frames
 from sweeps.report.outputs import page_file
 from sweeps.report.scales import axis_of, figure_of, scale_of
-from sweeps.report.work import write_work
+from sweeps.report.timings import write_timings
 
 LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
 
@@ -107,7 +107,7 @@ def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path)
 
 def test_cells_are_counted_as_on_the_screen(tmp_path):
     path = stored(tmp_path / "s.zarr", status=states(1, 1, 1), tables__o=scores(a=[1, 2]))
-    write_work(path, {"extent": Progress(1200, 200, 999, 1), "profile": Progress(51, 51)})
+    write_timings(path, {"extent": Progress(1200, 200, 999, 1), "profile": Progress(51, 51)})
     header = parsed(page_of(path)).root.only("header", id="summary").text
     assert "1,250 of 1,251 cells done, 1 failed" in header
 
@@ -117,7 +117,9 @@ def test_a_page_is_there_when_every_cell_of_a_classifier_failed(tmp_path):
     empty["n"] = empty.n.fillna(0).astype("i4")
     why = {"acn frame_count=4": "ValueError: shapes", "acn frame_count=8": "ValueError: shapes"}
     attributes = {"configuration": {}, "title": "T", "failures": why}
-    path = stored(tmp_path / "s.zarr", attributes, status=states(0, 0), tables__acn=shown(empty))
+    path = stored(
+        tmp_path / "s.zarr", attributes, status=states(0, 0), tables__acn=displayed(empty)
+    )
     (alert,) = parsed(page_of(path)).root.all("div", role="alert")
     assert all(f"{what}: {reason}" in alert.text for what, reason in why.items())
     assert "Ships identified correctly" in printed(path)
@@ -215,7 +217,7 @@ ISING = xr.Dataset(
 @pytest.mark.parametrize(
     ("table", "along", "colour"),
     [
-        (shown(scores(range=[25.0, 50.0], cnr=[5.0, 10.0, 20.0])), "cnr_db", "range_km"),
+        (displayed(scores(range=[25.0, 50.0], cnr=[5.0, 10.0, 20.0])), "cnr_db", "range_km"),
         (ISING, "temperature", "size"),
     ],
 )

@@ -20,7 +20,7 @@ from sweeps.report.outputs import page_file
 from sweeps.report.page import write
 from sweeps.report.pictures import pictures_of, ships_of
 from sweeps.report.summary import tables_of, write_store_page
-from sweeps.report.work import read_work, write_work
+from sweeps.report.timings import read_timings, write_timings
 
 # pictures -----------------------------------------------------------------------------------------
 
@@ -96,12 +96,14 @@ def test_a_store_that_cannot_be_read_now_is_still_a_store(tmp_path, monkeypatch,
 
 def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
-    assert read_work(path) is None
-    write_work(path, {"fast": Progress(total=3, reused=2, done=1, seconds=0.25), "=x": Progress(1)})
-    work = read_work(path)
-    assert work.rows.iloc[0].tolist() == ["fast", 1, 2, 0, 0.25]
+    assert read_timings(path) is None
+    write_timings(
+        path, {"fast": Progress(total=3, reused=2, done=1, seconds=0.25), "=x": Progress(1)}
+    )
+    timings = read_timings(path)
+    assert timings.rows.iloc[0].tolist() == ["fast", 1, 2, 0, 0.25]
     text = parsed(page_of(path)).root.only("section", id="configuration").text
-    assert "Work of the last sweep" in text and "fast" in text
+    assert "Run time of the last sweep by stage" in text and "fast" in text
 
 
 def test_ships_have_their_measures_and_a_picture(tmp_path):

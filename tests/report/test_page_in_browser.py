@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import stored
 from rich.console import Console
 
@@ -19,8 +19,7 @@ from sweeps.report.frames import read_frames
 from sweeps.report.headline import headline
 from sweeps.report.outputs import page_file
 from sweeps.report.pivot import select_main
-from sweeps.report.stores import attributes
-from sweeps.report.stores import opened as store_of
+from sweeps.report.stores import attributes, open_store
 from sweeps.report.summary import report_comparison, tables_of, write_store_page
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -66,9 +65,9 @@ def two_axes(tmp_path_factory):
     """The page of two classifiers over four CNRs and three ranges, and of a constant."""
     axes = {"cnr": [5.0, 10.0, 20.0, 30.0], "range": [25.0, 50.0, 100.0]}
     tables = {
-        "tables__acn": shown(scores(0, **axes)),
-        "tables__mnn": shown(scores(1, **axes), "mnn"),
-        "tables__likelihood": shown(scores(2, range=axes["range"]), "likelihood"),
+        "tables__acn": displayed(scores(0, **axes)),
+        "tables__mnn": displayed(scores(1, **axes), "mnn"),
+        "tables__likelihood": displayed(scores(2, range=axes["range"]), "likelihood"),
         "tables__constant": xr.Dataset({"length": ("cnr", [7.0, 7.0])}, {"cnr": [5.0, 10.0]}),
     }
     attributes = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
@@ -85,7 +84,7 @@ def new_page(browser, **options):
 
 
 @contextmanager
-def opened(browser, file):
+def open_page(browser, file):
     """A page on a desk; fails where it asks for another file, or complains."""
     page = new_page(browser, viewport=DESK)
     requests, wrong = [], []
@@ -101,9 +100,9 @@ def opened(browser, file):
 
 
 @pytest.fixture(scope="module")
-def seen(browser, file):
+def smoke_page(browser, file):
     """The page of the smoke experiment."""
-    with opened(browser, file) as page:
+    with open_page(browser, file) as page:
         page.locator("#table-scores svg").first.wait_for()
         page.start = page.evaluate(
             "[document.documentElement.scrollHeight, document.body.innerText.split(/\\s+/).length]"
@@ -115,7 +114,7 @@ def seen(browser, file):
 @pytest.fixture
 def both(browser, two_axes):
     """The page of two axes."""
-    with opened(browser, page_file(two_axes)) as page:
+    with open_page(browser, page_file(two_axes)) as page:
         page.locator("#table-scores .heat svg").wait_for()
         yield page
 
@@ -147,17 +146,17 @@ def downloaded(page, button):
     return Path(download.value.path()).read_text(encoding="utf-8")
 
 
-def test_the_page_of_the_smoke_experiment_is_short_until_it_is_unfolded(seen):
-    height, words = seen.start
+def test_the_page_of_the_smoke_experiment_is_short_until_it_is_unfolded(smoke_page):
+    height, words = smoke_page.start
     assert height <= 5000 and words <= 700
 
 
-def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file):
+def test_selectors_and_the_address_change_what_is_shown(smoke_page, smoke_store, file):
     frame = read_frames(smoke_store)["scores"]
     for width, count in (("10", "4"), ("50", "16")):
-        choose(seen, "pulse_width_ns", width)
-        choose(seen, "frame_count", count)
-        seen.select_option("#against", "vigilance")
+        choose(smoke_page, "pulse_width_ns", width)
+        choose(smoke_page, "frame_count", count)
+        smoke_page.select_option("#against", "vigilance")
         rows = frame.rows[
             (frame.rows.classifier == "acn")
             & (frame.rows.channel == "range")
@@ -167,20 +166,22 @@ def test_selectors_and_the_address_change_what_is_shown(seen, smoke_store, file)
             & (frame.rows.aspect_bin_deg == "overall")
         ]
         expected = [f"{percent:.0f}" for percent in rows.sort_values("vigilance").percent_correct]
-        lines = [row for row in shown_rows(seen, "scores") if "ACN, range profile, ship" in row]
+        lines = [
+            row for row in shown_rows(smoke_page, "scores") if "ACN, range profile, ship" in row
+        ]
         assert [row[-1].split()[0] for row in lines] == expected
-        assert f"pulse_width_ns={width}" in seen.url or width == "30"
-    address = seen.url
-    seen.goto("about:blank")
-    seen.goto(address)
-    seen.locator("#table-scores summary").first.click()
-    assert seen.locator('select[data-axis="pulse_width_ns"]').input_value() == "50.0"
-    assert seen.locator("#against").input_value() == "vigilance"
+        assert f"pulse_width_ns={width}" in smoke_page.url or width == "30"
+    address = smoke_page.url
+    smoke_page.goto("about:blank")
+    smoke_page.goto(address)
+    smoke_page.locator("#table-scores summary").first.click()
+    assert smoke_page.locator('select[data-axis="pulse_width_ns"]').input_value() == "50.0"
+    assert smoke_page.locator("#against").input_value() == "vigilance"
 
 
 def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
     """The script describes a selection as the command describes a store of it alone."""
-    frames, attrs = read_frames(smoke_store), attributes(store_of(smoke_store))
+    frames, attrs = read_frames(smoke_store), attributes(open_store(smoke_store))
     scores = frames["scores"]
     page = new_page(browser, viewport=DESK)
     page.goto(file.as_uri())
@@ -216,13 +217,13 @@ def test_the_headline_ranks_by_values_that_all_have(browser, failed, tmp_path):
     datasets = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
     number, cnr = failed
     datasets[number] = datasets[number].where(datasets[number].cnr != cnr)
-    tables = {"tables__acn": shown(datasets[0]), "tables__mnn": shown(datasets[1], "mnn")}
+    tables = {"tables__acn": displayed(datasets[0]), "tables__mnn": displayed(datasets[1], "mnn")}
     attrs = {"configuration": {}, "title": "T", "swept": ["cnr", "range"]}
     path = stored(tmp_path / "s.zarr", attrs, **tables)
     assert write_store_page(path, tables_of(path)) == []
     [expected] = headline(read_frames(path), attrs)
     assert "Ranked by 2 of 3 values of CNR, those that all have." in expected
-    with opened(browser, page_file(path)) as page:
+    with open_page(browser, page_file(path)) as page:
         page.locator("#table-scores svg").first.wait_for()
         assert without_settings(page.locator(".headline").inner_text()) == without_settings(
             expected
@@ -233,35 +234,35 @@ def without_settings(sentence):
     return re.sub(r" \([a-z].*?\)", "", sentence)
 
 
-def test_charts_are_drawn_of_the_selection_and_saved(seen, smoke_store):
-    seen.select_option("#against", "frame_count")
-    seen.locator('#table-scores[data-axis="frame_count"]').wait_for()
+def test_charts_are_drawn_of_the_selection_and_saved(smoke_page, smoke_store):
+    smoke_page.select_option("#against", "frame_count")
+    smoke_page.locator('#table-scores[data-axis="frame_count"]').wait_for()
     frame = read_frames(smoke_store)["scores"]
-    assert marks(seen, "chart", "symbol").count() >= frame.rows.frame_count.nunique()
-    assert downloaded(seen, "#table-scores figure.chart button.svg").startswith("<svg")
+    assert marks(smoke_page, "chart", "symbol").count() >= frame.rows.frame_count.nunique()
+    assert downloaded(smoke_page, "#table-scores figure.chart button.svg").startswith("<svg")
     for kind, section in (("aspect", "scores"), ("heat", "confusion")):
-        assert seen.locator(f"#table-{section} figure.{kind} svg").is_visible()
+        assert smoke_page.locator(f"#table-{section} figure.{kind} svg").is_visible()
 
 
-def test_the_axis_along_the_chart_is_selected_below_it_alone(seen):
+def test_the_axis_along_the_chart_is_selected_below_it_alone(smoke_page):
     for axis in ("pulse_width_ns", "frame_count"):
-        seen.select_option("#against", axis)
-        assert seen.locator(f'.bar select[data-axis="{axis}"]').count() == 0
-        assert seen.locator(f'.at select[data-axis="{axis}"]').is_visible()
-    assert seen.locator('.bar select[data-axis="pulse_width_ns"]').is_visible()
+        smoke_page.select_option("#against", axis)
+        assert smoke_page.locator(f'.bar select[data-axis="{axis}"]').count() == 0
+        assert smoke_page.locator(f'.at select[data-axis="{axis}"]').is_visible()
+    assert smoke_page.locator('.bar select[data-axis="pulse_width_ns"]').is_visible()
 
 
-def test_csv_has_the_rows_and_columns_that_are_seen_or_all(seen, smoke_store):
+def test_csv_has_the_rows_and_columns_that_are_seen_or_all(smoke_page, smoke_store):
     frame = read_frames(smoke_store)["scores"]
-    heads, *lines = csv.reader(downloaded(seen, "#table-scores button.seen").splitlines())
-    rows = shown_rows(seen, "scores")
+    heads, *lines = csv.reader(downloaded(smoke_page, "#table-scores button.seen").splitlines())
+    rows = shown_rows(smoke_page, "scores")
     assert len(lines) == len(rows) < len(frame.rows)
-    shown_heads = seen.locator("#table-scores thead th:visible").all_inner_texts()
+    shown_heads = smoke_page.locator("#table-scores thead th:visible").all_inner_texts()
     assert [head for head in heads if not head.endswith((" low", " high"))] == shown_heads
     for line, row in zip(lines, rows, strict=True):
         value, low, high = line[-3:]
         assert f"{float(value):.0f} {float(low):.0f}–{float(high):.0f}" == row[-1].strip()
-    lines_of_all = downloaded(seen, "#table-scores button.all").splitlines()
+    lines_of_all = downloaded(smoke_page, "#table-scores button.all").splitlines()
     assert len(lines_of_all) == len(frame.rows) + 1
 
 
@@ -319,15 +320,15 @@ def test_a_figure_that_depends_on_no_axis_is_a_table_without_a_chart(both):
     assert section.locator("svg").count() == 0 and section.locator("td:visible").count() == 1
 
 
-def test_cells_say_how_to_reproduce_them_by_keyboard(seen, smoke_store, monkeypatch):
+def test_cells_say_how_to_reproduce_them_by_keyboard(smoke_page, smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
-    seen.locator("#table-scores td[tabindex]").first.focus()
+    smoke_page.locator("#table-scores td[tabindex]").first.focus()
     for key in ("ArrowRight", "ArrowDown"):
-        seen.keyboard.press(key)
-        code = seen.locator("#where code").inner_text()
-        cell_text = seen.evaluate("document.activeElement.firstChild.textContent").strip()
+        smoke_page.keyboard.press(key)
+        code = smoke_page.locator("#where code").inner_text()
+        cell_text = smoke_page.evaluate("document.activeElement.firstChild.textContent").strip()
         assert f"{eval(code, {'xr': xr}):.0f}" == cell_text
-    assert seen.locator("#where button").is_visible()
+    assert smoke_page.locator("#where button").is_visible()
 
 
 def test_markers_say_their_values_and_how_to_reproduce_them(both, two_axes, monkeypatch):
@@ -360,13 +361,13 @@ def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
     page.close()
 
 
-def test_what_is_closed_is_printed(seen):
+def test_what_is_closed_is_printed(smoke_page):
     closed = "document.querySelectorAll('details:not([open], .code)').length"
-    before = seen.evaluate(closed)
-    seen.evaluate("dispatchEvent(new Event('beforeprint'))")
-    assert before > 0 and seen.evaluate(closed) == 0
-    seen.evaluate("dispatchEvent(new Event('afterprint'))")
-    assert seen.evaluate(closed) == before
+    before = smoke_page.evaluate(closed)
+    smoke_page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert before > 0 and smoke_page.evaluate(closed) == 0
+    smoke_page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert smoke_page.evaluate(closed) == before
 
 
 def test_it_reads_without_its_script(browser, file):
@@ -385,7 +386,7 @@ def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
         stored(tmp_path / f"{name}.zarr", {"configuration": {}}, tables__tree=table)
     paths = tmp_path / "a.zarr", tmp_path / "b.zarr"
     assert report_comparison(*paths, console=Console(file=io.StringIO()), html=True) == []
-    with opened(browser, tmp_path / "b-less-a-report.html") as page:
+    with open_page(browser, tmp_path / "b-less-a-report.html") as page:
         page.locator("#table-tree_differences svg").wait_for()
         (zero,) = marks(page, "chart", "rule", "#table-tree_differences").all()
         points = marks(page, "chart", "symbol", "#table-tree_differences").all()
@@ -397,10 +398,10 @@ def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
 
 
 def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, tmp_path):
-    table = shown(scores(cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0], votes=[1, 3]))
+    table = displayed(scores(cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0], votes=[1, 3]))
     notebook_chart = chart(table, x="cnr", colour="range")
     (tmp_path / "cell.html").write_text(notebook_chart._repr_html_(), encoding="utf-8")
-    with opened(browser, tmp_path / "cell.html") as page:
+    with open_page(browser, tmp_path / "cell.html") as page:
         cell = page.frame_locator("iframe")
         cell.locator(".chart svg").wait_for()
         before = cell.locator(".chart svg").inner_html()

@@ -8,7 +8,7 @@ import shlex
 import numpy as np
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import stored
 from rich.cells import cell_len
 from rich.console import Console
@@ -46,6 +46,7 @@ def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypat
     assert len(lines) <= 30 and max(map(cell_len, lines)) <= 80
     assert re.search(r"^Best of 8: .* identifies \d+ % \[\d+–\d+\]", unwrapped(text))
     assert "chance 50 %" in unwrapped(text)
+    assert "Other classifiers use vigilance 0.95 or 0.87." in unwrapped(text)
     assert text.count("────\n") == 1 and "0-15°" not in text
     assert {"store   sweep.zarr", "page    sweep-report.html"} <= set(lines)
 
@@ -93,7 +94,9 @@ def test_its_rows_are_the_overall_percentages_of_the_files_best_first(smoke_stor
 @pytest.mark.parametrize("count", [5, 12, 13, 91])
 def test_many_values_are_thinned_evenly_with_both_ends(count, tmp_path):
     values = [float(value) for value in range(count)]
-    path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=shown(scores(cnr=values)))
+    path = stored(
+        tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=displayed(scores(cnr=values))
+    )
     text = page(path)
     _, rows = table_of(text)
     shown_values = [float(row[0]) for row in rows if row[0].isdigit() and len(row) == 3]
@@ -107,7 +110,7 @@ def test_many_values_are_thinned_evenly_with_both_ends(count, tmp_path):
 @pytest.mark.parametrize("count", [1, 3, 20])
 def test_the_table_fits_whatever_the_number_of_classifiers(count, tmp_path):
     tables = {
-        f"tables__c{k}": shown(scores(k, cnr=[23.0, 26.0]), f"classifier number {k}")
+        f"tables__c{k}": displayed(scores(k, cnr=[23.0, 26.0]), f"classifier number {k}")
         for k in range(count)
     }
     text = page(stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, **tables), width=200)
@@ -119,8 +122,8 @@ def test_the_table_fits_whatever_the_number_of_classifiers(count, tmp_path):
 
 def test_results_that_the_axis_does_not_change_stand_below(tmp_path):
     tables = {
-        "tables__acn": shown(scores(cnr=[23.0, 26.0])),
-        "tables__mnn": shown(scores(frame_count=16), "mnn"),
+        "tables__acn": displayed(scores(cnr=[23.0, 26.0])),
+        "tables__mnn": displayed(scores(frame_count=16), "mnn"),
     }
     text = page(stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, **tables))
     assert re.search(r"Whatever the CNR: MNN \d+ \[\d+–\d+\]\.", text)
@@ -169,7 +172,7 @@ def test_zipped_settings_have_a_curve(tmp_path):
         cnr=("pulse_width_cnr", [26.0, 32.0], {"units": "dB"}),
     )
     attributes = {"swept": ["pulse_width", "cnr"]}
-    text = unwrapped(page(stored(tmp_path / "s.zarr", attributes, tables__acn=shown(table))))
+    text = unwrapped(page(stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))))
     assert "at pulse width 10 ns, not significantly better" in text and "at 30 ns" in text
     assert "Pulse width 10 ns: CNR 26 dB; pulse width 30 ns: CNR 32 dB." in text
 
@@ -199,7 +202,7 @@ def test_a_partial_store_is_told_from_another_one(tmp_path):
 
 def test_without_an_axis_classifiers_stand_down(tmp_path):
     tables = {
-        f"tables__{name}": shown(scores(k, frame_count=16), name)
+        f"tables__{name}": displayed(scores(k, frame_count=16), name)
         for k, name in enumerate(("acn", "mnn"))
     }
     _, rows = table_of(page(stored(tmp_path / "s.zarr", {}, **tables)))

@@ -68,6 +68,15 @@ def test_the_swept_axis_comes_first():
         assert heading.index(first) < heading.index(second)
 
 
+def test_axes_that_do_not_fit_head_sections_and_repeated_labels_are_blank():
+    axes = {"vigilance": [0.9, 0.95], "cnr": [20.0, 30.0], "frame_count": [4, 16]}
+    lines = printed(tidy_frame(scores(**axes), DISPLAY, "tables/acn"), 60).splitlines()
+    sections = [lines.index(f"vigilance {value}") for value in (0.9, 0.95)]
+    for start in sections:
+        labels = [line[:17].split() for line in lines[start + 1 : start + 5]]
+        assert labels == [["20", "4"], ["16"], ["30", "4"], ["16"]]
+
+
 def test_rows_that_are_left_out_are_counted():
     frame = tidy_frame(scores(cnr=[20.0, 30.0], frame_count=[4, 8, 16]), DISPLAY, "tables/acn")
     assert len(lay_out(frame).lines) == 6
@@ -82,12 +91,12 @@ def test_nothing_is_read_as_markup_and_chance_is_said():
 
 def test_wide_intervals_have_a_word_why():
     table = scores(size=[1.0, 2.0])
-    assert "how much bins differ" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
+    assert "variation between aspect bins" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
     for n in (29, 30):
         table.n[:] = n
-        assert (f"few (n = {n}" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)) == (
-            n < 30
-        )
+        assert (
+            f"few (minimum n = {n})" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
+        ) == (n < 30)
 
 
 def test_infinity_is_printed_in_the_words_of_its_variable():

@@ -1,19 +1,22 @@
 """Frames: every figure of every table is the number of the store at its place, and labelled."""
 
 import math
+import subprocess
+import sys
 from functools import cache
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from made import scores, shown
+from made import displayed, scores
 from pages import stored
 
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.experiment import EXPERIMENT
 from sweeps.report.files import csv_of
 from sweeps.report.frames import PART, frame, read_frames
-from sweeps.report.words import is_missing
+from sweeps.report.words import MAIN, is_missing
 
 
 @cache
@@ -97,11 +100,11 @@ def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
 def test_groups_of_one_table_are_stacked_and_chance_stands_in_every_row(tmp_path):
     acn, oracle = scores(1, frame_count=[4, 16]), scores(2, cnr=[20.0, 30.0])
     path = stored(
-        tmp_path / "s.zarr", tables__acn=shown(acn), tables__oracle=shown(oracle, "oracle")
+        tmp_path / "s.zarr", tables__acn=displayed(acn), tables__oracle=displayed(oracle, "oracle")
     )
     table = read_frames(path)["scores"]
     assert set(table.rows.classifier) == {"acn", "oracle"}
-    assert table.rows.cnr_dB.isna().sum() == 6 if "cnr_dB" in table.rows else True
+    assert table.rows.cnr_db.isna().sum() == 6
     assert (table.rows.percent_correct_by_chance == 25).all()
     assert table.rows.frame_count.dropna().unique().tolist() == [4, 16]
 
@@ -126,8 +129,30 @@ def test_a_table_of_anyone_needs_no_display(tmp_path):
 
 
 def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
-    path = stored(tmp_path / "s.zarr", tables__acn=shown(scores(frame_count=[4])))
+    path = stored(tmp_path / "s.zarr", tables__acn=displayed(scores(frame_count=[4])))
     with pytest.raises(ConfigurationError, match=r"'speed', but must be one of scores"):
         frame(path, "speed")
     with pytest.raises(ConfigurationError, match=r"which does not exist$"):
         frame(tmp_path / "absent.zarr", "scores")
+
+
+def test_tables_of_other_experiments_are_read_without_the_stages(tmp_path):
+    path = stored(tmp_path / "s.zarr", tables__own=scores(a=[1, 2]))
+    code = (
+        "import sys\nfrom sweeps.report.summary import tables_of\n"
+        f"print(*tables_of({str(path)!r}), any('sweeps.stages' in name for name in sys.modules))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
+    assert result.stdout == b"own False\n"
+
+
+def test_preferred_values_are_declared_defaults():
+    defaults = {}
+    for setting in EXPERIMENT.declared:
+        default = setting.default
+        defaults.setdefault(setting.name, []).extend(
+            default if type(default) is list else [default]
+        )
+    other = {"aspect", "kind"}  # of another meaning in a table
+    for name in MAIN.keys() & defaults.keys() - other:
+        assert MAIN[name] in defaults[name], name

@@ -13,7 +13,7 @@ from sweeps.engine.declare.storable import decode_attrs
 from sweeps.report.page.provenance import iter_settings
 from sweeps.report.page.provenance import swept_settings as page_swept
 from sweeps.report.stores import attributes as attributes_of
-from sweeps.report.stores import opened
+from sweeps.report.stores import open_store
 
 ASPECTS = [0, 15, 30, 45, 60, 75, 90]
 VIEW = ("ship", "aspect")
@@ -61,7 +61,9 @@ def test_only_axes_that_a_stage_reads_are_swept(smoke_store):
 
 
 def swept_on_page(path):
-    return page_swept(opened(path), iter_settings(attributes_of(opened(path))["configuration"]))
+    return page_swept(
+        open_store(path), iter_settings(attributes_of(open_store(path))["configuration"])
+    )
 
 
 def test_profiles_are_what_a_physicist_expects(groups):

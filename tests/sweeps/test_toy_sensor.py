@@ -116,7 +116,7 @@ def test_it_has_axes_names_ships_and_is_reported(store):
     rows = list(csv.DictReader((store.with_name("s-tables") / "toy.csv").open()))
     assert len(rows) == 4
     assert [float(row["share"]) for row in rows if float(row["scatter_m"]) == 0] == [1, 1]
-    matrix = confusion_frame(read_predictions(report_stores.opened(store)), read_frames(store))
+    matrix = confusion_frame(read_predictions(report_stores.open_store(store)), read_frames(store))
     assert set(matrix.rows.classifier) == {"toy"} and "channel" not in matrix.columns
 
 

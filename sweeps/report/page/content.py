@@ -7,62 +7,62 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
 from sweeps.report.changes import change_sentences, settings_sentence, settings_that_differ
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_frame, read_predictions
-from sweeps.report.contest import main_axis
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy_sentences, headline, headline_for_script
 from sweeps.report.page.provenance import iter_settings, status_of, swept_settings, yaml_text
 from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
 from sweeps.report.pivot import lay_out, select_main
+from sweeps.report.ranking import main_axis
 from sweeps.report.scales import axis_of, figure_of
-from sweeps.report.stores import attributes, opened
+from sweeps.report.stores import attributes, open_store
+from sweeps.report.timings import NAME as TIMINGS
 from sweeps.report.words import is_missing, preferred_value
-from sweeps.report.work import NAME as WORK
 
 MAX_ROWS = 4_000  # rows of a table; the CSV file has all
-CHARTED = 32_000  # rows of a table that its charts have
+MAX_CHART_ROWS = 32_000  # rows of a table that its charts have
 BINS = "aspect_bin_deg"  # the axis across that can be selected, too
 
 
 def store_content(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any]:
     """Return the content of a store's page from its tables; OSError if it cannot be read."""
-    store = opened(path)
+    store = open_store(path)
     attrs = attributes(store)
     predictions = read_predictions(store)
-    work, matrix = frames.get(WORK), confusion_frame(predictions, frames)
-    tables = {name: frame for name, frame in frames.items() if name != WORK}
+    timings, matrix = frames.get(TIMINGS), confusion_frame(predictions, frames)
+    tables = {name: frame for name, frame in frames.items() if name != TIMINGS}
     sentences = headline(tables, attrs)
     axes, main_table = list(attrs.get("swept", ())), next(iter(tables.values()))
     if matrix is not None:
         tables = {main_table.name: main_table, CONFUSION: matrix, **tables}
     settings = list(iter_settings(attrs.get("configuration", {})))
-    drawn = pictures_of(path, store, predictions)
+    pictures = pictures_of(path, store, predictions)
     charts = chart_content(tables, axes, path_beside(path).name)
-    charts["data"]["headline"] = headline_for_script(tables, attrs, CHARTED)
+    charts["data"]["headline"] = headline_for_script(tables, attrs, MAX_CHART_ROWS)
     return {
         "store": path_beside(path).name,
         "about": attrs,
         "headline": sentences,
         "accuracy": accuracy_sentences(store),
-        "status": status_of(store, work),
+        "status": status_of(store, timings),
         "settings": [(key, yaml_text(value)) for key, value in settings],
         "swept": swept_settings(store, settings),
-        "confused": drawn.pop(CONFUSED, None),
-        "pictures": drawn,
+        "confused": pictures.pop(CONFUSED, None),
+        "pictures": pictures,
         "ships": ships_of(store),
-        "work": None if work is None else lay_out(work),
+        "timings": None if timings is None else lay_out(timings),
         **charts,
     }
 
 
 def comparison_content(compared: Comparison) -> dict[str, Any]:
     """Return the content of the page of a comparison; OSError if a store cannot be read."""
-    stores = [opened(path) for path in compared.paths]
+    stores = [open_store(path) for path in compared.paths]
     states = zip(compared.names, map(status_of, stores), strict=True)
     axes = list(attributes(stores[0]).get("swept", ()))
     first, *others = compared.names
@@ -97,7 +97,7 @@ def chart_content(
     # Rows and charts run along the axis of the headline.
     main = next(iter(frames.values()))
     ordinary = [name for name in main.varying_axes if name not in curves_of(main)]
-    numbers = swept_axes(main, swept)
+    numbers = numeric_swept_axes(main, swept)
     against = next(filter(None, [along, main_axis(main, swept), *ordinary]), "")
     second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
     return {
@@ -121,7 +121,7 @@ def chart_content(
     }
 
 
-def swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
+def numeric_swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
     """Return the numeric swept axes that are not down or across, by number of values."""
     varying = [name for name in frame.varying_axes if name not in (*frame.down, frame.across)]
     names = [n for axis in swept for n in varying if frame.columns[n].axis == axis]
@@ -148,8 +148,8 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
             if name in curves_of(frame) or (name == frame.across and name != BINS):
                 continue
             columns.setdefault(name, frame.columns[name])
-            known = values.setdefault(name, [])
-            known += [value for value in values_of(frame.rows, name) if value not in known]
+            axis_values = values.setdefault(name, [])
+            axis_values += [v for v in values_of(frame.rows, name) if v not in axis_values]
     selectors = []
     for name, column in columns.items():
         if all(isinstance(value, int | float) for value in values[name]):
@@ -182,7 +182,7 @@ def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]
 
 def data_of(frame: Frame) -> dict[str, Any]:
     """Return a frame for the script: its rows and the encodings of its charts."""
-    rows, curves, columns = frame.rows.head(CHARTED), curves_of(frame), frame.columns
+    rows, curves, columns = frame.rows.head(MAX_CHART_ROWS), curves_of(frame), frame.columns
     numeric = [name for name in frame.varying_axes if frame.rows[name].dtype.kind in "fiu"]
     along = [name for name in frame.varying_axes if name not in curves or name in numeric]
     along.sort(key=lambda name: (name == frame.across, -frame.rows[name].nunique()))

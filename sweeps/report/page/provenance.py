@@ -7,18 +7,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import pandas as pd
 import zarr
 
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.declare.stage import STATUS
 from sweeps.report.frames import Frame
 from sweeps.report.stores import attributes, failed_cells, list_groups, read_group
 from sweeps.report.words import is_number, unit_of, value_text
 
-CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
+STAGE_CHOICES = ("sensor", "name", "engine")  # settings that choose stages, and are not axes
 STATES = (1, 0, -1)  # of a cell: done, failed, missing
-VALUES = 8  # of a setting that are listed; of more numbers, the ends
+MAX_VALUES = 8  # of a setting that are listed; of more numbers, the ends
 
 
 @dataclass(frozen=True)
@@ -58,17 +57,19 @@ class Status:
         return sentence + (f", {missing:,} missing" if missing else "")
 
 
-def status_of(store: Any, work: Frame | None = None) -> Status:
-    """Return the states of a store's cells, counted by its last sweep's `work` if known."""
+def status_of(store: Any, timings: Frame | None = None) -> Status:
+    """Return the states of a store's cells, counted by its last sweep's `timings` if known."""
     parts = {}
     for name, array in (
         read_group(store, STATUS).data_vars.items() if STATUS in list_groups(store) else ()
     ):
         counts = tuple(int((array.values == state).sum()) for state in STATES)
         parts[printable(str(name).replace("_", " "))] = counts
-    rows = work.rows if work is not None else pd.DataFrame(columns=["done", "reused", "failed"])
-    done, reused, failed = (int(rows[name].sum()) for name in ("done", "reused", "failed"))
-    return Status(parts, failed_cells(store), (done + reused, failed))
+    cells = 0, 0
+    if timings is not None:
+        done, reused, failed = timings.rows[["done", "reused", "failed"]].sum()
+        cells = int(done + reused), int(failed)
+    return Status(parts, failed_cells(store), cells)
 
 
 def iter_settings(tree: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
@@ -92,13 +93,13 @@ def swept_settings(store: Any, settings: Iterable[tuple[str, Any]]) -> list[tupl
         (key, values_in_words(value, units.get(key.rpartition(".")[2], "")))
         for key, value in settings
         if isinstance(value, list) and len(value) > 1
-        if key in axes or key.rpartition(".")[2] in CHOICES
+        if key in axes or key.rpartition(".")[2] in STAGE_CHOICES
     ]
 
 
 def values_in_words(values: list[Any], unit: str) -> str:
     """Return values in words; of many numbers, the ends."""
-    if len(values) > VALUES and all(map(is_number, values)):
+    if len(values) > MAX_VALUES and all(map(is_number, values)):
         ends = f"{value_text(min(values))} to {value_text(max(values))} {unit}".strip()
         return f"{ends}, {len(values)} values"
     return f"{', '.join(map(value_text, values))} {unit}".strip()

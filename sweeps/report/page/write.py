@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sweeps.report
-from ncti.ships.errors import printable
+from ncti.text import printable
 from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.store.arrays import METADATA
 from sweeps.report import explain
 from sweeps.report.frames import Frame
 from sweeps.report.outputs import (
-    BEGINNING,
-    PAGE,
-    UNKNOWN,
+    HEAD_BYTES,
+    NO_DIGEST,
+    PAGE_META,
     is_free,
     page_file,
     seal_page,
@@ -55,7 +55,7 @@ def is_current(store: PathOrUrl) -> bool:
     """Return whether the page beside a store was made from it by this code."""
     try:
         with page_file(store).open(encoding="utf-8") as file:
-            return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(BEGINNING)
+            return f'<meta name="{STAMP}" content="{_stamp(store)}">' in file.read(HEAD_BYTES)
     except (OSError, UnicodeDecodeError):
         return False
 
@@ -79,7 +79,6 @@ def _code_digest() -> str:
 
 def store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
     """Return the page of a store with its tables, not yet sealed."""
-    # Imported here, since a page that is current needs none of it.
     from sweeps.report.page.content import store_content
 
     return render_template("page.html", store_content(path, frames), _stamp(path))
@@ -123,8 +122,8 @@ def render_template(template: str, content: Mapping[str, Any], stamp: str = "") 
     return environment.get_template(template).render(
         content,
         stamp=stamp,
-        own=PAGE,
-        digest=UNKNOWN,
+        own=PAGE_META,
+        digest=NO_DIGEST,
         style=Markup(style),
         scripts=list(map(Markup, scripts)),
         policy=_security_policy([style], scripts),

@@ -23,9 +23,9 @@ const charts = (() => {
   };
 
   // Dashes of growing gaps, so that of curves which coincide each shows in the gaps of others.
-  const PERIOD = 24, GAP = 4, MOST = 19;
+  const PERIOD = 24, GAP = 4, MAX_GAP = 19;
   const dash = (k, count) => {
-    const gap = k * Math.min(GAP, MOST / count);
+    const gap = k * Math.min(GAP, MAX_GAP / count);
     return [PERIOD - gap, gap];
   };
   const SHAPES = ["circle", "square", "triangle-up", "diamond", "cross", "triangle-down", "triangle-right", "triangle-left"];
@@ -62,12 +62,12 @@ const charts = (() => {
       ],
     };
   };
-  const LEAST = 200, AXIS = 75; // pixels across a chart, and of an axis with its labels
+  const MIN_WIDTH = 200, AXIS_WIDTH = 75; // pixels across a chart, and of an axis with its labels
   // A chart with its legend beside it, or below where there is no room.
-  const withLegend = (chartOf, { names, title, room }, how, most) => {
+  const withLegend = (chartOf, { names, title, room }, how, maxWidth) => {
     const several = names.length > 1;
-    const rest = room - AXIS - (several ? widthOf(names, title) : 0), beside = rest > 1.2 * LEAST;
-    const chart = chartOf(Math.round(Math.max(LEAST, Math.min(most, beside ? rest : room - AXIS))));
+    const available = room - AXIS_WIDTH - (several ? widthOf(names, title) : 0), beside = available > 1.2 * MIN_WIDTH;
+    const chart = chartOf(Math.round(Math.max(MIN_WIDTH, Math.min(maxWidth, beside ? available : room - AXIS_WIDTH))));
     if (!several) return chart;
     return { [beside ? "hconcat" : "vconcat"]: [chart, legend(names, title, how)], spacing: 15 };
   };
@@ -106,7 +106,7 @@ const charts = (() => {
   // right, and each series an arc in each bin.
   const aspect = ({ rows, figure, colours, tooltip, ...about }) => {
     const { names } = about, how = looks(names, colours), { shape, strokeDash, ...shared } = how;
-    const { y: { field, scale }, low, high } = figure, most = scale.domain[1], margin = 1.2 * most;
+    const { y: { field, scale }, low, high } = figure, maximum = scale.domain[1], margin = 1.2 * maximum;
     const at = (angle, radius) => [radius * Math.sin((angle * Math.PI) / 180), radius * Math.cos((angle * Math.PI) / 180)];
     const arc = ([low, high], radius, of) => {
       const steps = Math.ceil((high - low) / 3) || 1;
@@ -116,9 +116,9 @@ const charts = (() => {
       });
     };
     const end = 90 * Math.ceil(Math.max(90, ...rows.map((row) => row.bin[1])) / 90);
-    const rings = [0.25, 0.5, 0.75, 1].flatMap((share) => arc([0, end], share * most, { share }));
+    const rings = [0.25, 0.5, 0.75, 1].flatMap((share) => arc([0, end], share * maximum, { share }));
     const spokes = Array.from({ length: Math.min(12, end / 30 + 1) }, (_, k) => {
-      const [[x, y], [x2, y2]] = [at(30 * k, most), at(30 * k, 1.1 * most)];
+      const [[x, y], [x2, y2]] = [at(30 * k, maximum), at(30 * k, 1.1 * maximum)];
       return { x, y, x2, y2, zero: 0, text: `${30 * k}°` };
     });
     // Markers and intervals stand side by side on their arc.
@@ -130,7 +130,7 @@ const charts = (() => {
       const [[x, y], [x1, y1], [x2, y2]] = [field, low || field, high || field].map((name) => at(angle, row[name]));
       points.push({ ...row, x, y, x1, y1, x2, y2 });
     }
-    const side = (name, below) => ({ field: name, type: "quantitative", axis: null, scale: { domain: [below ? -margin : -0.1 * most, margin], nice: false } });
+    const side = (name, below) => ({ field: name, type: "quantitative", axis: null, scale: { domain: [below ? -margin : -0.1 * maximum, margin], nice: false } });
     const x = side("x", end > 180), y = side("y", end > 90);
     const grid = { color: { value: colour("--rule") } }, text = { field: "text" }, order = { field: "k", type: "quantitative" };
     const layer = [
@@ -150,18 +150,18 @@ const charts = (() => {
   // A figure by two axes, with its values; a panel for each of several names.
   const heat = ({ rows, x, y, figure, names, tooltip, room }) => {
     const { field, title, scale } = figure.y;
-    const values = rows.map((row) => row[field]), most = Math.max(...values.map(Math.abs));
+    const values = rows.map((row) => row[field]), extreme = Math.max(...values.map(Math.abs));
     // Of differences, as far to either side of 0, where there is no colour.
-    const known = figure.difference ? [-most, 0, most] : scale.domain ?? [Math.min(...values), Math.max(...values)];
+    const domain = figure.difference ? [-extreme, 0, extreme] : scale.domain ?? [Math.min(...values), Math.max(...values)];
     const axis = (field, { title, sort }, more) => ({ field, title, type: "ordinal", sort, axis: { labelLimit: 110, ...more } });
-    const narrow = room < 480, rest = Math.min(room, 560) - (narrow ? 100 : 190);
-    const side = Math.max(16, Math.min(names.length ? 44 : 64, rest / x.sort.length));
+    const narrow = room < 480, available = Math.min(room, 560) - (narrow ? 100 : 190);
+    const side = Math.max(16, Math.min(names.length ? 44 : 64, available / x.sort.length));
     const legible = figure.format.endsWith("g") ? 36 : 24; // pixels across the longest value
     const shown = `datum[${JSON.stringify(field)}]`;
-    const strong = figure.difference ? `abs(${shown}) > ${0.65 * most}` : `${shown} > ${(known[0] + known[1]) / 2}`;
+    const strong = figure.difference ? `abs(${shown}) > ${0.65 * extreme}` : `${shown} > ${(domain[0] + domain[1]) / 2}`;
     const range = figure.difference ? [colour("--c1"), colour("--panel"), colour("--c0")] : [colour("--panel"), colour("--s1")];
     const legend = names.length ? null : { title, orient: narrow ? "bottom" : "right", gradientLength: 90, ...figure.y.axis };
-    const cell = { mark: { type: "rect", stroke: colour("--paper") }, encoding: { color: { field, type: "quantitative", scale: { domain: known, range, ...(figure.difference && { interpolate: "rgb" }) }, legend } } };
+    const cell = { mark: { type: "rect", stroke: colour("--paper") }, encoding: { color: { field, type: "quantitative", scale: { domain, range, ...(figure.difference && { interpolate: "rgb" }) }, legend } } };
     const value = {
       mark: { type: "text", fontSize: 11 },
       encoding: {

@@ -21,18 +21,18 @@
   // The selection is kept in the address: #range_km=100&by=cnr_db&colour=range_km&of=ACN. The curve
   // that the first table is of is chosen among those at the selection.
   const ofSelect = document.querySelector("label.of select");
-  const named = [["by", axisSelect], ["colour", colourSelect], ...selects.map((select) => [select.dataset.axis, select])].filter(([, select]) => select);
+  const controls = [["by", axisSelect], ["colour", colourSelect], ...selects.map((select) => [select.dataset.axis, select])].filter(([, select]) => select);
   const read = () => {
     for (const [name, text] of new URLSearchParams(location.hash.slice(1))) {
       if (name === "of" && ofSelect) ofSelect.dataset.chosen = text;
-      const select = named.find(([key]) => key === name)?.[1];
+      const select = controls.find(([key]) => key === name)?.[1];
       const match = select && [...select.options].find((option) => option.value === text || option.text === text);
       if (match) select.value = match.value;
     }
   };
   const write = () => {
     const changed = new URLSearchParams();
-    for (const [name, select] of named) {
+    for (const [name, select] of controls) {
       const option = select.selectedOptions[0];
       if (!option.defaultSelected) changed.set(name, select.dataset.axis ? option.text : option.value);
     }
@@ -84,15 +84,15 @@
 
   // Whether a figure or its interval differs along an axis, on any curve at the selection.
   const varies = (table, figure, axis) => {
-    const { low, high } = table.figures[figure], seen = new Map();
+    const { low, high } = table.figures[figure], texts = new Map();
     const others = table.axes.filter((name) => name !== axis);
     return placesOf(table, figure, [axis]).some((k) => {
       const value = table.rows[axis][k];
       if (value === null || value === "overall") return false;
       const key = JSON.stringify(others.map((name) => table.rows[name][k]));
       const text = JSON.stringify([figure, low, high].map((name) => table.rows[name]?.[k] ?? null));
-      if (!seen.has(key)) seen.set(key, text);
-      return seen.get(key) !== text;
+      if (!texts.has(key)) texts.set(key, text);
+      return texts.get(key) !== text;
     });
   };
   // The axis along the chart of a figure: the chosen one, or of a table without it the first; empty
@@ -186,7 +186,7 @@
       const values = places.filter((k) => nameOf(table, names, k) === curve).map((k) => table.rows[figure][k]);
       return values.reduce((sum, value) => sum + value, 0) / values.length;
     };
-    const { chosen } = select.dataset, best = curves.includes(chosen) ? chosen : curves.reduce((most, curve) => (mean(curve) > mean(most) ? curve : most));
+    const { chosen } = select.dataset, best = curves.includes(chosen) ? chosen : curves.reduce((highest, curve) => (mean(curve) > mean(highest) ? curve : highest));
     select.replaceChildren(...curves.map((curve) => new Option(curve, curve, false, curve === best)));
     return places.filter((k) => nameOf(table, names, k) === select.value);
   };
@@ -278,11 +278,11 @@
     const names = Object.keys(table.rows).filter((name) => name !== "part");
     return [names, ...table.labels.map((_, k) => names.map((name) => table.rows[name][k]))];
   };
-  // The rows and columns that are seen; after a figure the ends of its interval, if any is seen.
+  // The visible rows and columns; after a figure the ends of its interval, if any is visible.
   const seenRows = (section) => {
-    const { table } = section, seen = (cells) => [...cells].filter((cell) => !cell.hidden);
-    const heads = seen(section.querySelectorAll("thead th")).map((cell) => cell.textContent);
-    const rows = all("tbody tr:not([hidden])", section).map((row) => seen(row.children));
+    const { table } = section, visible = (cells) => [...cells].filter((cell) => !cell.hidden);
+    const heads = visible(section.querySelectorAll("thead th")).map((cell) => cell.textContent);
+    const rows = all("tbody tr:not([hidden])", section).map((row) => visible(row.children));
     const bounded = heads.map((_, column) => rows.some((cells) => cells[column].querySelector(".interval")));
     const places = new Map(table.labels.map((label, k) => [label, k]));
     const valuesOf = (cell, ends) => {
@@ -388,7 +388,7 @@
   });
   addEventListener("afterprint", () => { for (const details of closed) details.open = false; });
 
-  if (named.length) {
+  if (controls.length) {
     bar.hidden = false;
     for (const form of [bar, below]) form.addEventListener("change", () => { write(); update(); });
     bar.addEventListener("submit", (event) => event.preventDefault());

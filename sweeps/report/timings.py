@@ -24,26 +24,27 @@ COLUMNS = {
 }
 
 
-def write_work(store: PathOrUrl, stages: Mapping[str, Progress]) -> list[Path]:
-    """Write the work of a sweep beside the tables of its store.
+def write_timings(store: PathOrUrl, stages: Mapping[str, Progress]) -> list[Path]:
+    """Write the run time of a sweep by stage beside the tables of its store.
 
     Returns the paths at which other files are in the way. Raises OSError if it cannot.
     """
     rows = [
-        (name, work.done, work.reused, work.failed, work.seconds) for name, work in stages.items()
+        (name, stage.done, stage.reused, stage.failed, stage.seconds)
+        for name, stage in stages.items()
     ]
-    content = csv_of(_work_frame(pd.DataFrame(rows, columns=list(COLUMNS))))
+    content = csv_of(_timings_frame(pd.DataFrame(rows, columns=list(COLUMNS))))
     return write_own_files(tables_folder(store), {f"{NAME}.csv": content})
 
 
-def read_work(store: PathOrUrl) -> Frame | None:
-    """Return the work of the sweep that last wrote a store; None if unknown."""
+def read_timings(store: PathOrUrl) -> Frame | None:
+    """Return the run time, by stage, of the sweep that last wrote a store; None if unknown."""
     try:
         rows = pd.read_csv(tables_folder(store) / f"{NAME}.csv")
     except (OSError, ValueError):
         return None
-    return _work_frame(rows) if list(rows) == list(COLUMNS) and len(rows) else None
+    return _timings_frame(rows) if list(rows) == list(COLUMNS) and len(rows) else None
 
 
-def _work_frame(rows: pd.DataFrame) -> Frame:
-    return Frame(NAME, "Work of the last sweep, by stage", rows, COLUMNS, down=("stage",))
+def _timings_frame(rows: pd.DataFrame) -> Frame:
+    return Frame(NAME, "Run time of the last sweep by stage", rows, COLUMNS, down=("stage",))

@@ -14,21 +14,21 @@ from sweeps.report.pivot import select_main, word_axes
 from sweeps.report.words import SIMPLEST, is_missing, preferred_value
 
 SCORES, SHIP = "scores", "ship"
-UNTESTED = ("training", "learned")  # kinds of scores that are not of tests
-FALLBACK = "frame_count"  # the axis of scores where nothing was swept
+TRAINING_KINDS = ("training", "learned")  # kinds of scores that are not of tests
+DEFAULT_AXIS = "frame_count"  # the axis of scores where nothing was swept
 
 
 def is_test(kind: Any) -> bool:
     """Return whether scores of a kind are of tests."""
-    return kind not in UNTESTED
+    return kind not in TRAINING_KINDS
 
 
 @dataclass(frozen=True)
-class Rival:
+class Candidate:
     """One classifier's results at the preferred setting, in the order of an axis.
 
     `axis` is empty if the results do not depend on it. `shared` holds the values of the axis that
-    all rivals have; `count` is the number of values that any rival has.
+    all candidates have; `count` is the number of values that any candidate has.
     """
 
     of: Mapping[str, Any]  # the classifier, by the columns that name it
@@ -45,7 +45,7 @@ class Rival:
 
     @property
     def mean(self) -> float:
-        """Mean of the main figure along the axis, at the values that all rivals have if any."""
+        """Mean of the main figure along the axis, at the values that all candidates have if any."""
         rows = self.frame.rows
         if self.axis and self.shared:
             rows = rows[rows[self.axis].isin(self.shared)]
@@ -69,23 +69,23 @@ def main_frame(frames: Mapping[str, Frame]) -> Frame:
 def main_axis(frame: Frame, swept: Sequence[str]) -> str:
     """Return the column of the axis that results vary along; empty if there is none.
 
-    Of the swept axes, the one with the longest curves, summed over rivals, numbers before words;
-    without any, the number of frames, then the axis with the most numbers.
+    Of the swept axes, the one with the longest curves, summed over candidates, numbers before
+    words; without any, the number of frames, then the axis with the most numbers.
     """
     axes = [name for name in frame.varying_axes if name not in (frame.across, *word_axes(frame))]
     axes.sort(key=lambda name: name in frame.down)
     numeric = [name for name in axes if frame.rows[name].dtype.kind in "fiu"]
     swept_axes = [name for axis in swept for name in axes if frame.columns[name].axis == axis]
     swept_axes.sort(key=lambda name: -_count_steps(frame, name))
-    most = sorted(numeric, key=lambda name: -frame.rows[name].nunique())
-    usual = [name for name in numeric if name == FALLBACK]
+    longest = sorted(numeric, key=lambda name: -frame.rows[name].nunique())
+    default = [name for name in numeric if name == DEFAULT_AXIS]
     return next(
-        iter([*(n for n in swept_axes if n in numeric), *swept_axes, *usual, *most, *axes]), ""
+        iter([*(n for n in swept_axes if n in numeric), *swept_axes, *default, *longest, *axes]), ""
     )
 
 
-def find_rivals(frame: Frame, axis: str) -> list[Rival]:
-    """Return the rivals of a table that have results along an axis.
+def rank_candidates(frame: Frame, axis: str) -> list[Candidate]:
+    """Return the candidates of a table that have results along an axis.
 
     Percentages with a level of chance are ranked by their mean, at the values of the axis that all
     have, such as those at which no cell failed, and equal ones by simplicity. Others stay in their
@@ -104,42 +104,38 @@ def find_rivals(frame: Frame, axis: str) -> list[Rival]:
         main = main.where(main.rows.scored == SHIP)
     groups = main.rows.groupby(names, dropna=False, sort=False) if names else [((), main.rows)]
     varying = [name for name in names if name in main.varying_axes]
-    rivals = []
+    candidates = []
     for key, rows in groups:
         identity = {name: value for name, value in zip(names, key, strict=True) if name in varying}
-        rivals.append(
-            _make_rival(
-                main.where(rows.index), identity or dict(zip(names, key, strict=True)), axis
-            )
-        )
-    rivals = [rival for rival in rivals if len(rival.frame.rows)]
+        identity = identity or dict(zip(names, key, strict=True))
+        candidates.append(_make_candidate(main.where(rows.index), identity, axis))
     if not frame.columns_of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
         leader = {
             n: preferred_value(frame.columns[n].axis, values_of(main.rows, n)) for n in varying
         }
-        return sorted(rivals, key=lambda rival: rival.of != leader)
-    rivals = _keep_shared_values(rivals)
-    return sorted(rivals, key=lambda rival: (-round(rival.mean, 6), rival.complexity))
+        return sorted(candidates, key=lambda candidate: candidate.of != leader)
+    candidates = _keep_shared_values(candidates)
+    return sorted(candidates, key=lambda one: (-round(one.mean, 6), one.complexity))
 
 
-def _keep_shared_values(rivals: Sequence[Rival]) -> list[Rival]:
-    """Return rivals with the values of the axis that all have, of those that depend on it."""
-    values = [{*rival.frame.rows[rival.axis]} for rival in rivals if rival.axis]
+def _keep_shared_values(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with the values of the axis that all have, of those that depend on it."""
+    values = [{*candidate.frame.rows[candidate.axis]} for candidate in candidates if candidate.axis]
     if not values:
-        return list(rivals)
+        return list(candidates)
     shared, count = frozenset(set.intersection(*values)), len(set.union(*values))
-    return [replace(rival, shared=shared, count=count) for rival in rivals]
+    return [replace(candidate, shared=shared, count=count) for candidate in candidates]
 
 
 def _count_steps(frame: Frame, axis: str) -> int:
-    """Return the number of steps along an axis in the curves of all rivals."""
+    """Return the number of steps along an axis in the curves of all candidates."""
     names = _name_columns(frame, axis)
     groups = frame.rows.groupby(names, dropna=False) if names else [((), frame.rows)]
     return sum(max(rows[axis].nunique() - 1, 0) for _, rows in groups)
 
 
 def _name_columns(frame: Frame, axis: str) -> list[str]:
-    """Return the columns that name a rival: declared columns of words, else the first one."""
+    """Return the columns that name a candidate: declared columns of words, else the first one."""
     names = [name for name in frame.down if frame.rows[name].dtype == object and name != axis]
     if names or frame.down:
         return names
@@ -147,12 +143,12 @@ def _name_columns(frame: Frame, axis: str) -> list[str]:
     return [name for name in words if name not in (axis, frame.across)][:1]
 
 
-def _make_rival(frame: Frame, identity: Mapping[str, Any], axis: str) -> Rival:
-    """Return a rival with one row for each value of the axis that its results depend on."""
+def _make_candidate(frame: Frame, identity: Mapping[str, Any], axis: str) -> Candidate:
+    """Return a candidate with one row for each value of the axis that its results depend on."""
     applies = bool(axis) and bool(frame.rows[axis].notna().any())
     if not applies:
-        return Rival(identity, frame.where(frame.rows.index[:1]), "")
+        return Candidate(identity, frame.where(frame.rows.index[:1]), "")
     rows = frame.rows[frame.rows[axis].notna()].drop_duplicates(axis)
     if pd.api.types.is_numeric_dtype(rows[axis]):
         rows = rows.sort_values(axis)
-    return Rival(identity, frame.where(rows.index), axis)
+    return Candidate(identity, frame.where(rows.index), axis)
