@@ -19,7 +19,7 @@ import ncti.ships
 from benchmarks.reports import Column, Report, Sample
 from benchmarks.timing import patch_constant
 from ncti.ladar import Beam, RangeExtent, extent_within, pixels, range_extent, sampling
-from ncti.ladar.pulse import target_response
+from ncti.ladar.pulse import Pulse, target_response
 from ncti.render import View, available_engines, line_image, range_image, threads
 from studies.run_time.reference import reference_range_extent
 
@@ -276,7 +276,7 @@ def _error(extent: RangeExtent, case: ViewCase, exact: Floats) -> float:
 def _after_pulse(area: Floats, case: ViewCase) -> Floats:
     if case.pulse_width == 0.0:
         return area
-    response = target_response(pulse_width=case.pulse_width, bin_width=case.bin_width) ** 2
+    response = target_response(Pulse(case.pulse_width, case.bin_width)) ** 2
     return np.convolve(area, response)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.ladar.extent import RangeExtent
-from ncti.ladar.pulse import noise_floor, target_kernel
+from ncti.ladar.pulse import Pulse, noise_floor, target_kernel
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
 STRONGEST = 1e20
@@ -97,9 +97,7 @@ def expected_profile(
     """
     require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
-    kernel = target_kernel(
-        pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
-    )
+    kernel = target_kernel(Pulse(pulse_width, extent.bin_width), extent.down_range.size)
     # Terms A and B of Equation C, for every IFOV and bin.
     a = (math.pi / 2) * cnr * extent.density @ (kernel**2).T
     b = noise_floor() ** 2

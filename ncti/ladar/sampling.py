@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.ladar.pulse import target_response
+from ncti.ladar.pulse import Pulse, target_response
 from ncti.render.lines import STRANDS
 
 Floats = NDArray[np.float64]
@@ -102,7 +102,7 @@ def _after_pulse(
     """Return rows (row, bin) after a pulse's power response, and the sum of the response."""
     if not pulse_width > 0.0:
         return rows, 1.0
-    response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
+    response = target_response(Pulse(pulse_width, bin_width)) ** 2
     return np.array([np.convolve(row, response) for row in rows]), float(response.sum())
 
 
