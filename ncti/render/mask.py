@@ -107,18 +107,28 @@ def fill(
         lowest = np.ceil(max(min(y[0], min(y[1], y[2])), 0.0))
         highest = np.floor(min(max(y[0], max(y[1], y[2])), rows - 1.0))
         for row in range(int(lowest), int(highest) + 1):
-            # Columns between the sides: a rising side bounds the facet on the right.
-            first, past = 0.0, float(columns)
-            for c in range(3):
-                run, rise = x[c + 1] - x[c], y[c + 1] - y[c]
-                if rise == 0.0:
-                    if y[c] == row and run < 0.0:  # its upper border
-                        past = 0.0
-                    continue
-                border = np.ceil(x[c] + (row - y[c]) * run / rise)
-                if rise > 0.0:
-                    past = min(past, border)
-                else:
-                    first = max(first, border)
-            for column in range(int(first), int(past)):
+            first, past = columns_between_sides(x, y, row)
+            for column in range(int(first), int(min(past, columns))):
                 hit[row, column] = True
+
+
+@compiled
+def columns_between_sides(x: Floats, y: Floats, row: int) -> tuple[float, float]:
+    """Return the first column of a facet in a row, and the one past its last; at least 0.
+
+    `x` and `y` (4,) are its corners, the first again at the end.
+    """
+    first, past = 0.0, np.inf
+    for c in range(3):
+        run, rise = x[c + 1] - x[c], y[c + 1] - y[c]
+        if rise == 0.0:
+            if y[c] == row and run < 0.0:  # its upper border
+                past = 0.0
+            continue
+        border = np.ceil(x[c] + (row - y[c]) * run / rise)
+        # A rising side bounds the facet on the right.
+        if rise > 0.0:
+            past = min(past, border)
+        else:
+            first = max(first, border)
+    return first, past
