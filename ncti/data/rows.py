@@ -34,11 +34,10 @@ from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
 from ncti.ladar.budget import LOUDEST, carrier_to_noise
 from ncti.ladar.extent import bin_centres
-from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.window import check_window
-from ncti.render.far_field import NEGLIGIBLE, reach_of
+from ncti.render.far_field import NEGLIGIBLE
 from ncti.render.flight import DEPRESSION
-from ncti.simulate.profiles import MAX_PULSE_WIDTH
+from ncti.simulate.profiles import pulse_bounds
 from ncti.simulate.subject import (
     MAX_SLANT_RANGE,
     MIN_SLANT_RANGE,
@@ -265,7 +264,7 @@ def dataset(
     drawable = view_arguments | radar_arguments | {"frames": frames, "bin_width": bin_width}
     rows = np.arange(first, first + count)
     drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **drawable)
-    _check_views(recipe, names, drawn)
+    _check_views(recipe, drawn)
     arrays = _simulate_batches(recipe, drawn, workers)
     drawn["ship"] = np.array(names)[drawn["ship"]]
     return _labelled_rows(recipe, drawn | arrays, rows_per_view)
@@ -294,12 +293,11 @@ def _check_unused(arguments: dict[str, Any]) -> None:
 
 def _bounds(bin_width: float) -> dict[str, Bounds]:
     """Return the bounds of parameters by name, those of views before those of rows."""
-    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # a margin for rounding
     return {
         "aspect": Bounds(-360.0, 360.0),
         "depression": Bounds(0.0, 90.0),
         "slant_range": Bounds(MIN_SLANT_RANGE, MAX_SLANT_RANGE),
-        "pulse_width": Bounds(shortest, max(MAX_PULSE_WIDTH, shortest)),
+        "pulse_width": Bounds(*pulse_bounds(bin_width)),
         "cnr": Bounds(-LOUDEST, LOUDEST),
         "frames": Bounds(1, MAX_FRAMES, whole=True),
         "gain": Bounds(0.0, 1000.0),
@@ -323,15 +321,14 @@ def _names(ships: Sequence[Ship]) -> list[str]:
     return names
 
 
-def _check_views(recipe: Recipe, names: list[str], drawn: Arrays) -> None:
+def _check_views(recipe: Recipe, drawn: Arrays) -> None:
     """Raise `ValueError` for too narrow a beam, or a window without room at both its edges."""
     check_sight(float(drawn["slant_range"].min()), recipe.beam.ifov)
     if "range" not in SENSORS[recipe.sensor]:
         return
     longest = float(drawn["pulse_width"].max())
-    for ship, name in zip(recipe.ships, names, strict=True):
-        reach = reach_of(mesh_of(ship).vertices)
-        check_window(recipe.beam.window, ship=name, reach=reach, pulse_width=longest)
+    for ship in recipe.ships:
+        check_window(recipe.beam.window, mesh_of(ship), pulse_width=longest)
 
 
 def parameters(
