@@ -186,7 +186,7 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
         # OpenGL is bound to one engine in a process.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
             rows += pool.submit(_pixel_rows, engine, drawn, exact).result()
-    needed = sampling.PIXELS * np.quantile([row.pop("ratios") for row in rows], [0.95, 0.98])
+    needed = sampling.PIXEL_FACTOR * np.quantile([row.pop("ratios") for row in rows], [0.95, 0.98])
     return Report(
         f"Bounds that images of pixels state, in {views} random views: any aspect, depression 0.5 "
         "to 60 deg, 1 to 200 km, 0 to 60 ns, bins 0.25 to 4 m",
@@ -202,9 +202,9 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
         [
             "Error: sum of absolute differences from the sampling-free reference at the range over "
             "its sum, after the pulse. Time: processor time of binning every second row and column "
-            "and of the bound, over that of drawing the view and its range extent; median. The "
-            f"factor of the bound is {sampling.PIXELS:g}; {needed[0]:.2f} would cover 95 % of all "
-            f"these errors, and {needed[1]:.2f} 98 %."
+            "and of the bound, over that of drawing the view and its range extent; median. "
+            f"The factor of the bound is {sampling.PIXEL_FACTOR:g}; {needed[0]:.2f} would cover "
+            f"95 % of all these errors, and {needed[1]:.2f} 98 %."
         ],
     )
 

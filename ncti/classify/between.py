@@ -109,9 +109,9 @@ def alternate_templates(
             left_out[rows[1::2]] = True
     distance = separation(aspects[left_out][:, None], aspects[~left_out])
     distance[names[left_out][:, None] != names[~left_out]] = np.inf
-    beside = np.zeros(distance.shape, dtype=bool)
-    np.put_along_axis(beside, np.argsort(distance, axis=1, kind="stable")[:, :2], True, axis=1)
-    return left_out, beside
+    neighbours = np.zeros(distance.shape, dtype=bool)
+    np.put_along_axis(neighbours, np.argsort(distance, axis=1, kind="stable")[:, :2], True, axis=1)
+    return left_out, neighbours
 
 
 def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:

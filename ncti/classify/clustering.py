@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_shape
 from ncti.classify.blocks import ROWS
-from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, unit_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -70,7 +70,7 @@ class Similarities:
                 f"training has shape {learned.shape}, but must be (sample, feature) with at least "
                 "one of each"
             )
-        directions, lengths = polar(learned)
+        directions, lengths = unit_vectors(learned)
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
         none = np.zeros((0, min(learned.shape)))
@@ -90,7 +90,7 @@ class Similarities:
             raise ValueError(
                 f"tests has shape {vectors.shape}, but must be (test, {self.directions.shape[1]})"
             )
-        directions, sizes = polar(vectors)
+        directions, sizes = unit_vectors(vectors)
         return replace(self, test=self.products(directions), answers=sizes > 0)
 
     @property
@@ -150,7 +150,7 @@ class Clustering:
     >>> vectors = np.array([[1.0, 0.1], [0.2, 1.0], [1.0, 0.2], [0.1, 1.0]])
     >>> similarities = Similarities.of(vectors, tests=[[3.0, 1.0]])
     >>> clustering = cluster(similarities, vigilance=0.95)
-    >>> clustering.names(np.array([7, 8, 7, 8]))
+    >>> clustering.majority_labels(np.array([7, 8, 7, 8]))
     array([7, 8])
     >>> category, cosine = clustering.match(similarities)
     >>> category, cosine.round(2)
@@ -163,7 +163,7 @@ class Clustering:
     passes: int
     converged: bool
 
-    def names(self, classes: Indices) -> Indices:
+    def majority_labels(self, classes: Indices) -> Indices:
         """Return the most frequent class in each category, (category,), from (sample,) classes."""
         numbers = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(
             np.intp
@@ -174,7 +174,7 @@ class Clustering:
         np.add.at(votes, (self.labels[matched], numbers[matched]), 1)
         return votes.argmax(axis=1)
 
-    def first_names(self, classes: Indices, order: Indices) -> Indices:
+    def first_labels(self, classes: Indices, order: Indices) -> Indices:
         """Return the class of the vector presented first in each category, (category,).
 
         Classes are (sample,) integers, and the order is that given to `cluster`.
@@ -183,7 +183,7 @@ class Clustering:
         _, first = np.unique(self.labels[presented], return_index=True)
         return classes[presented[first]]
 
-    def traces(self, similarities: Similarities) -> Floats:
+    def category_vectors(self, similarities: Similarities) -> Floats:
         """Return the (category, feature) categories W formed from these similarities."""
         directions = similarities.directions
         weights = self.weights if similarities.has_few_features else self.weights @ directions
@@ -349,7 +349,7 @@ def move_categories(
     """
     category = np.full(len(vectors), NO_CATEGORY)
     cosine = np.zeros(len(vectors))
-    for i, (x, length) in enumerate(zip(*polar(vectors), strict=True)):
+    for i, (x, length) in enumerate(zip(*unit_vectors(vectors), strict=True)):
         if length == 0.0:
             continue
         cosines = directions @ x

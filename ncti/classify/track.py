@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all, require_labels
 from ncti.classify.between import CIRCLE, rows_by_label, steps
 
-EXACT = 1e-3  # a smaller error of the track [deg] counts as this one
+MIN_DEVIATION = 1e-3  # a smaller error of the track [deg] counts as this one
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def aspect_prior(
     names = require_labels("labels", labels)
     reported = require_all("tracked", tracked)
     require("sigma", sigma, minimum=0.0, maximum=1e6)
-    deviation = max(sigma, EXACT)
+    deviation = max(sigma, MIN_DEVIATION)
     if angles.ndim != 1 or names.shape != angles.shape or reported.ndim != 1:
         raise ValueError(
             f"aspect has shape {angles.shape}, but must be (template,) as the labels, "
@@ -83,5 +83,5 @@ def aspect_prior(
     low, high = (offset - before / 2 + turns) / deviation, (offset + behind / 2 + turns) / deviation
     # Use the smaller of the two tails, so that nothing cancels far from the report.
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
-    most, least = log_ndtr(high), log_ndtr(low)
-    return np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))
+    log_upper, log_lower = log_ndtr(high), log_ndtr(low)
+    return np.logaddexp.reduce(log_upper + np.log(-np.expm1(log_lower - log_upper)))

@@ -20,12 +20,12 @@ ROWS = ("dataset", "dataset_infrared")
 AT_ONCE = 20_000  # rows read from a store at once, so that a million need little more memory
 PREFIX = "row_"  # of parameters of rows in a store
 DRAWS = ("replicate", "phase")  # dimensions over independent draws of one condition
-OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
+ROW_TYPES = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
 """Types of numbers that a store may keep in another type."""
 
 SPLITS = ("train", "learned", "test", "unknown")
 CLASSIFIERS = "classification/{}"  # groups of their answers
-AS_STORED = ("likelihood", "mnn")  # classifiers that take averages, floor included
+KEEP_FLOOR = ("likelihood", "mnn")  # classifiers that take averages, floor included
 
 
 class Signatures(NamedTuple):
@@ -127,7 +127,7 @@ def load_xy(
     aspects = {"test": ~learned, "unknown": learned | ~learned}.get(split, learned)
     ships = ~known if split == "unknown" else known
     if not (ships.any() and aspects.any()):
-        raise ValueError(f"split is {split!r}, but {NOTHING[split]}")
+        raise ValueError(f"split is {split!r}, but {EMPTY_REASONS[split]}")
     name = layout.learned if split == "train" else layout.measured
     signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
     axes = layout.axes
@@ -252,14 +252,14 @@ def _flatten_pieces(pieces: xr.Dataset) -> xr.Dataset:
     rows = rows.isel(row=np.flatnonzero(rows.row_view.values >= 0)).transpose("row", ...)
     # Parameters of rows become coordinates.
     arrays = {str(k).removeprefix(PREFIX): values.variable for k, values in rows.data_vars.items()}
-    arrays |= {k: arrays[k].astype(dtype) for k, dtype in OF_ROWS.items() if k in arrays}
+    arrays |= {k: arrays[k].astype(dtype) for k, dtype in ROW_TYPES.items() if k in arrays}
     arrays["ship"] = arrays["ship"].copy(data=names[arrays["ship"].values])
     signatures = {k: arrays.pop(k) for k in list(arrays) if f"{PREFIX}{k}" not in rows}
     bins = {str(k): values.variable for k, values in rows.coords.items() if values.ndim}
     return xr.Dataset(signatures, {**bins, **arrays})
 
 
-NOTHING = {
+EMPTY_REASONS = {
     "train": "the store has no learned view",
     "learned": "the store has no learned view",
     "test": "must be learned where the sweep learned every aspect: see classifier.training_aspect",
@@ -272,7 +272,7 @@ def _classifier_vectors(values: NDArray[Any], kind: str, classifier: str | None)
     """Return signatures as the vectors that a classifier takes."""
     if kind == "silhouette":
         return VECTORS[kind](values.astype(np.uint8))
-    as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in AS_STORED
+    as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in KEEP_FLOOR
     return values if as_stored else VECTORS[kind](values)
 
 

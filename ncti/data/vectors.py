@@ -89,6 +89,6 @@ def groups_of(rows: xr.Dataset) -> NDArray[np.int64]:
     codes = np.stack([np.unique(rows[name], return_inverse=True)[1] for name in GROUP])
     _, group = np.unique(codes, axis=1, return_inverse=True)
     group = group.reshape(-1)
-    least = np.full(group.max(initial=-1) + 1, np.iinfo(np.int64).max)
-    np.minimum.at(least, group, rows.view.values)
-    return least[group]
+    first_view = np.full(group.max(initial=-1) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first_view, group, rows.view.values)
+    return first_view[group]

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from ncti.evaluate.replicates import replicated_accuracy
 from ncti.evaluate.scores import accuracy_by_aspect, aspect_bins
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
 
 VIEW = ("ship", "aspect")
-OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
+ASPECT_ATTRS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
 # Draws of noise, positions and orders, over which accuracies are means.
 DRAWS = ("replicate", "phase", "order", "draw")
 
@@ -26,7 +26,7 @@ def count_categories(classified: xr.Dataset, shown: str) -> xr.Dataset:
         "view_count": ((category >= 0).sum(VIEW).astype("i4"), f"training {shown}"),
         "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
     }
-    return data_set(columns)
+    return labelled_dataset(columns)
 
 
 def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
@@ -65,7 +65,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     counts = arrays["category_count"].where(trained)
     views, mean = arrays["view_count"].max(draws), counts.mean(draws)
     settled = trained.any(draws) & (arrays["settled"].where(trained, 1) == 1).all(draws)
-    return data_set(
+    return labelled_dataset(
         {
             "categories": (mean, "categories formed, mean over draws"),
             "spread": (counts.std(draws), "standard deviation of the number of categories"),
@@ -95,7 +95,7 @@ def accuracy_columns(
         parts = [
             accuracy_columns(correct.where(kind, -1), prefix, what) for kind in aspects.values()
         ]
-        kinds = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
+        kinds = xr.DataArray(list(aspects), dims="aspects", attrs=ASPECT_ATTRS, name="aspects")
         return xr.concat(parts, kinds)
     draws = tuple(name for name in DRAWS if name in correct.dims)
     answers = correct.transpose(..., *draws, *VIEW)
@@ -124,7 +124,7 @@ def label_bins(
 
     pooled = {name: 0 for name in (*DRAWS, *VIEW) if name in answers.dims}
     cells = answers.isel(pooled, drop=True).expand_dims(aspect_bin=list(labels), axis=-1)
-    return data_set(
+    return labelled_dataset(
         {
             name: (xr.DataArray(values, cells.coords, cells.dims), label)
             for name, (values, label) in figures.items()

@@ -131,9 +131,9 @@ def learning_curve(
     rank = turn[view_index]
     order = _occurrence_numbers(view_index)
     class_sizes, view_sizes = np.bincount(class_index[first]), np.bincount(view_index)
-    for name, values, most in (("views", views, class_sizes), ("draws", draws, view_sizes)):
+    for name, values, sizes in (("views", views, class_sizes), ("draws", draws, view_sizes)):
         for value in values:
-            require(f"each of {name}", value, maximum=most.min())
+            require(f"each of {name}", value, maximum=sizes.min())
     fraction, low, high = np.empty((3, len(views), len(draws)))
     rows = np.empty(fraction.shape, dtype=np.intp)
     everywhere = np.zeros(len(truth))

@@ -128,12 +128,12 @@ def _densest_mean(looks: Floats, window: float) -> Floats:
             break
         size[: depth - lag] += within.view(np.int8)
     # Fullest window of each pixel, and the tightest of equally full ones.
-    most = size.max(axis=0)
+    fullest = size.max(axis=0)
     rank = np.arange(depth)[:, None]
-    reach = np.take_along_axis(looks, np.minimum(rank + most - 1, depth - 1), axis=0) - looks
-    begin = np.where(size == most, reach, np.inf).argmin(axis=0)
-    inside = (rank >= begin) & (rank < begin + most)
+    reach = np.take_along_axis(looks, np.minimum(rank + fullest - 1, depth - 1), axis=0) - looks
+    begin = np.where(size == fullest, reach, np.inf).argmin(axis=0)
+    inside = (rank >= begin) & (rank < begin + fullest)
     nearest = np.take_along_axis(looks, begin[None], axis=0)[0]
     # Mean relative to the nearest, so that equal ranges give exactly that range.
     beyond = np.where(inside, looks - nearest, 0.0).sum(axis=0)
-    return np.where(most > 0, nearest + beyond / np.maximum(most, 1), np.nan)
+    return np.where(fullest > 0, nearest + beyond / np.maximum(fullest, 1), np.nan)

@@ -19,7 +19,7 @@ from ncti.ladar.pulse import Pulse, mirrored_factors, noise_by_lag, target_kerne
 ROWS_AT_ONCE, IFOVS_AT_ONCE = 8, 32
 # Share of the standard deviation of the noise below which the field of the target is neglected: a
 # sixtieth of the rounding error of float32.
-UNFELT = 1e-9
+NEGLIGIBLE_FIELD = 1e-9
 
 
 class Speckle(NamedTuple):
@@ -42,7 +42,7 @@ class Speckle(NamedTuple):
         density = extent.density
         (occupied,) = density.reshape(-1).nonzero()
         amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
-        negligible = UNFELT * math.sqrt(noise_by_lag(pulse, 1)[0])
+        negligible = NEGLIGIBLE_FIELD * math.sqrt(noise_by_lag(pulse, 1)[0])
         # The response falls with the lag: the reach is the number of lags above a bin's threshold.
         with np.errstate(divide="ignore"):
             relative = negligible / amplitude
@@ -90,12 +90,12 @@ class Waveforms:
         self, noise: Noise, speckle: Speckle, *, key: NDArray[np.uint64], cell: NDArray[np.int64]
     ) -> None:
         self.noise, self.speckle, self.key, self.cell = noise, speckle, key, cell
-        most = min(IFOVS_AT_ONCE, len(cell))
+        ifovs = min(IFOVS_AT_ONCE, len(cell))
         half = noise.even.shape[1]
         self.sizes = len(noise.even), len(noise.odd), half, half
-        rows = 2 * most * ROWS_AT_ONCE
+        rows = 2 * ifovs * ROWS_AT_ONCE
         self.halves = [np.empty(rows * size, dtype=np.float32) for size in self.sizes]
-        self.magnitude = np.empty(most * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
+        self.magnitude = np.empty(ifovs * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
 
     def magnitudes(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin) magnitudes of blocks of IFOVs, of up to ROWS_AT_ONCE frames."""

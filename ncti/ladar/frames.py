@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_generator
-from ncti.ladar.expected import STRONGEST
+from ncti.ladar.expected import MAX_CNR
 from ncti.ladar.extent import RangeExtent
 from ncti.ladar.fields import ROWS_AT_ONCE, Noise, Speckle, Waveforms
 from ncti.ladar.moments import floor_by_lag, floor_reach
@@ -24,7 +24,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
 MAX_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
-ELSEWHERE = 2**40  # row of the cells of IFOVs without target, beyond any ship
+TARGET_FREE_ROW = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
 def sample_frames(
@@ -192,7 +192,7 @@ def frame_blocks(
     >>> print(f"{average.mean() / (20 * noise_floor()):.2f}")
     1.00
     """
-    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("cnr", cnr, minimum=0.0, maximum=MAX_CNR)
     require("frame_count", frame_count, minimum=1, whole=True)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
     require_generator("rng", rng)
@@ -216,7 +216,7 @@ def frame_blocks(
     detected(np.zeros((0, bins), dtype=np.float32))  # checks its parameters
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
     key = draw_key(rng)
-    elsewhere = np.stack([np.arange(singles), np.full(singles, ELSEWHERE)], axis=1)
+    elsewhere = np.stack([np.arange(singles), np.full(singles, TARGET_FREE_ROW)], axis=1)
     cell = np.concatenate([extent.cell, elsewhere])
 
     def blocks() -> Iterator[NDArray[np.float64]]:
@@ -334,7 +334,7 @@ class _TargetFreeNoise:
         from ncti.normals import draw_run, put_streams
 
         streams = np.empty((frames, 1), dtype=np.uint64)
-        put_streams(self.key, first, np.array([[0, ELSEWHERE]]), streams)
+        put_streams(self.key, first, np.array([[0, TARGET_FREE_ROW]]), streams)
         # Rows beyond `frames` keep old values, which do not affect the others.
         draw_run(self.key, streams, 0, self.normals)
         white = self.normals.reshape(ROWS_AT_ONCE, -1)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
-from ncti.ladar.expected import STRONGEST
+from ncti.ladar.expected import MAX_CNR
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
 from ncti.ladar.pulse import Pulse, noise_by_lag, noise_floor, target_kernel
 
@@ -184,7 +184,7 @@ def banded_frame_moments(
     >>> print(f"{band[0, mean.argmax()] ** 0.5 / mean.max():.3f}")
     0.261
     """
-    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("cnr", cnr, minimum=0.0, maximum=MAX_CNR)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
     require("frame_count", frame_count, minimum=1, whole=True)
     bins = extent.down_range.size

@@ -20,7 +20,7 @@ MIN_BINS = 2.0
 
 # Outside these limits [s] the square of N_z leaves float64.
 MIN_PULSE_WIDTH, MAX_PULSE_WIDTH = 1e-15, 1.0
-UNDECOMPOSED = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
+REMAINDER = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
 MAX_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
@@ -193,7 +193,7 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     # eigenvalue is at least the mean of row sums and any variance.
     count = len(covariance)
     largest = max(covariance.sum() / count, np.diagonal(covariance).max())
-    cutoff = UNDECOMPOSED * tolerance * largest / count
+    cutoff = REMAINDER * tolerance * largest / count
     packed, order, rank, _ = dpstrf(covariance, tol=cutoff, lower=1)
     root = np.empty((count, rank))
     root[order - 1] = np.tril(packed[:, :rank])

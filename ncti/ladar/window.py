@@ -8,7 +8,7 @@ from ncti.ladar.pulse import SPEED_OF_LIGHT
 from ncti.render.far_field import reach_of
 from ncti.ships.shape import Mesh
 
-EDGE = 0.08  # share of the window that stays free of the ship at each end
+EDGE_SHARE = 0.08  # share of the window that stays free of the ship at each end
 
 
 def shortest_window(reach: float, pulse_width: float) -> float:
@@ -17,7 +17,7 @@ def shortest_window(reach: float, pulse_width: float) -> float:
     `reach` is the largest distance of a point of the ship from its origin [m], `pulse_width` [s] at
     1/e^2. The noise floor is read at the edges, which the returned pulse must not reach.
     """
-    return (2 * reach + pulse_width * SPEED_OF_LIGHT / math.sqrt(2)) / (1 - 2 * EDGE)
+    return (2 * reach + pulse_width * SPEED_OF_LIGHT / math.sqrt(2)) / (1 - 2 * EDGE_SHARE)
 
 
 def check_window(window: float, mesh: Mesh, *, pulse_width: float) -> None:
@@ -32,5 +32,5 @@ def window_requirement(window: float, *, ship: str, reach: float, pulse_width: f
     shortest = shortest_window(reach, pulse_width)
     if shortest <= window:
         return ""
-    edges = f"leave {EDGE:.0%} free at each end after a pulse of {pulse_width * 1e9:g} ns"
+    edges = f"leave {EDGE_SHARE:.0%} free at each end after a pulse of {pulse_width * 1e9:g} ns"
     return f"at least {math.ceil(shortest)} m to hold {ship} and {edges}"

@@ -19,7 +19,7 @@ Indices = NDArray[np.int32]
 Unsigned = NDArray[np.uint32]
 """Unsigned indices, for which numba compiles no branch that counts from the end."""
 
-NEARER = 1e-9
+DEPTH_TOLERANCE = 1e-9
 """Distance [m] by which a surface must be nearer to overtake another within a piece, so that
 rounding of coincident surfaces does not."""
 
@@ -27,7 +27,7 @@ CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u
 """Crossing of a line and an edge: the coordinate along the line, q there, and the surfaces that end
 and begin there. One record, for locality in memory."""
 
-ONCE = 1 << 32
+ONE_BEGINNING = 1 << 32
 """One beginning of a surface, counted above the 32 bits of a crossing's number."""
 
 
@@ -241,7 +241,7 @@ def write_outlines(
         c = crossing[m]
         t, ends, begins = c.t, c.ends, c.begins
         stop[m], opened[m] = -np.inf, len(crossing)
-        count = begun[ends] - ONCE
+        count = begun[ends] - ONE_BEGINNING
         if count >> 32 == 0:
             i, count = np.uint32(count - 1), 0
             stop[i], opened[m] = t, i
@@ -249,8 +249,8 @@ def write_outlines(
             if t > first.t:
                 slope[i] = (c.depth - first.depth) / (t - first.t)
         begun[ends] = count
-        count = begun[begins] + ONCE
-        begun[begins] = count | (m + 1) if count == ONCE else count
+        count = begun[begins] + ONE_BEGINNING
+        begun[begins] = count | (m + 1) if count == ONE_BEGINNING else count
 
 
 class ActiveSurfaces(NamedTuple):
@@ -295,7 +295,7 @@ def next_overtaking(
     seen_at, first, when = depth_of(active, front, now), -1, now
     for i in range(count):
         ahead = seen_at - depth_of(active, i, now)
-        if ahead > NEARER:
+        if ahead > DEPTH_TOLERANCE:
             closing = active.tilt[front] - active.tilt[i]
             passing = now - ahead / closing if closing > 0.0 else since
             passing = max(passing, since)
@@ -315,7 +315,7 @@ def overtaking_matters(
     """
     if slot == front or begins < nearest:
         return True
-    return slot >= 0 and depth_of(active, slot, now) < nearest - NEARER
+    return slot >= 0 and depth_of(active, slot, now) < nearest - DEPTH_TOLERANCE
 
 
 @inlined
@@ -404,7 +404,7 @@ def sweep_line(
         old = top
         if slot >= 0 and fresh:  # one surface takes the place of another
             i = slot
-            if slot == front or depth < depth_of(active, front, now) - NEARER:
+            if slot == front or depth < depth_of(active, front, now) - DEPTH_TOLERANCE:
                 front, top = slot, m
         elif slot >= 0:
             i = -1
@@ -449,17 +449,17 @@ def sweep(
     surface (piece,) int32.
     """
     lines = len(start) - 1
-    most = 1
+    longest = 1
     for k in range(lines):
-        most = max(most, start[k + 1] - start[k])
+        longest = max(longest, start[k + 1] - start[k])
     capacity = room * (start[lines] - start[0])
     line, surface = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
     pieces = Pieces(line, np.empty((capacity, 4)), surface)
     # Buffers for the crossings of a line, and for its surfaces. A side seen edge-on is as steep as
     # rounding allows.
-    slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.uint32)
-    depths = np.empty(most), np.empty(most), np.empty(most)
-    active = ActiveSurfaces(np.empty(most, np.uint32), *depths, np.empty(most + 1, np.int32))
+    slope, stop, opened = np.empty(longest), np.empty(longest), np.empty(longest, np.uint32)
+    depths = np.empty(longest), np.empty(longest), np.empty(longest)
+    active = ActiveSurfaces(np.empty(longest, np.uint32), *depths, np.empty(longest + 1, np.int32))
     begun = np.zeros(surfaces + 1, np.int64)
     outlines, number = (slope, stop, opened), 0
     for k in range(lines):

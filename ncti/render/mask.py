@@ -21,7 +21,7 @@ from ncti.ships.shape import Mesh
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-EXACT = 1e-6
+BORDER_MARGIN = 1e-6
 """Margin [pixel] above the rounding of a facet's borders, whose corners are multiples of 1/256."""
 
 
@@ -58,7 +58,7 @@ def ship_mask(
     clip = clip_matrix(view, lattice, centre=solid.centre).astype(np.float32)
     corners = snap_vertices(solid.vertices.astype(np.float32), clip, lattice.shape)
     hit = np.zeros(lattice.shape, np.bool_)
-    fill(corners, solid.faces, pixels.sampled_facets(corners, solid.faces, EXACT), hit)
+    fill(corners, solid.faces, pixels.sampled_facets(corners, solid.faces, BORDER_MARGIN), hit)
     return Mask(hit, lattice.pixel, lattice.origin, view.roll)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled, inlined
-from ncti.render.solid import MIN_COSINE, STEEP
+from ncti.render.solid import MIN_COSINE, STEEP_COSINE
 
 Floats = NDArray[np.float64]
 Index = int | np.integer[Any]
@@ -27,7 +27,7 @@ ROWS = 4
 STRIP = 8
 """Rows that share their first and last column on a ship, to save time."""
 
-COVERS, MORE = 1, 2
+COVERS, MORE_ROWS = 1, 2
 """State of a facet: it has a pixel centre in the rows tested; it has more rows."""
 
 
@@ -86,7 +86,7 @@ def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDA
         _mark_covering(candidate, begin, candidates, 0.0, margin, state)
         for e in range(candidates):
             tried = float(ROWS)
-            while state[e] == MORE:
+            while state[e] == MORE_ROWS:
                 _mark_covering(candidate, e, e + 1, tried, margin, state)
                 tried += ROWS
             chosen[number] = facet[e]
@@ -127,7 +127,8 @@ def _mark_covering(
         covers = False
         for row in range(ROWS):
             covers |= _covers(triangle, low + row)
-        state[e] = np.uint8(COVERS if covers else 0) | np.uint8(MORE if low + ROWS <= high else 0)
+        rest = MORE_ROWS if low + ROWS <= high else 0
+        state[e] = np.uint8(COVERS if covers else 0) | np.uint8(rest)
 
 
 @inlined
@@ -317,7 +318,7 @@ def surface(
             s = n_h * h + n_v * v
             a = max(-(n_r + curvature * s), MIN_COSINE)
             r = (s - offsets[f]) / a
-            if a < STEEP:
+            if a < STEEP_COSINE:
                 first, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
                 r = min(max(r, min(first, two, three)), max(first, two, three))
             if curvature == 0.0:  # w and t are 1, which saves a fifth of the time

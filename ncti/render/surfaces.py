@@ -16,11 +16,11 @@ from ncti.ships.surfaces import components
 
 Floats = NDArray[np.float64]
 
-ANGLE = 1e-5
+MAX_ANGLE = 1e-5
 """Angle between normals [rad] up to which adjacent facets are one surface: float32 vertices of a
 flat deck cause some 1e-6, and the plates of a round hull a thousand times as much."""
 
-FLAT = 1e-4
+PLANE_TOLERANCE = 1e-4
 """Distance [m] up to which vertices lie in a surface's plane; otherwise facets stay single."""
 
 
@@ -169,7 +169,7 @@ def _merge_coplanar(
     `left` and `right` (edge,) the facets on both sides of an edge.
     """
     turn = np.linalg.norm(n[left] - n[right], axis=1)
-    flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
+    flat = (turn < MAX_ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
     surface = components(left[flat], right[flat], len(n))
     size = int(surface.max()) + 1
     # Plates along a gentle curve may be coplanar with their neighbours, but not all together.
@@ -179,7 +179,7 @@ def _merge_coplanar(
     top, bottom = np.full(size, -np.inf), np.full(size, np.inf)
     np.maximum.at(top, surface, height.max(axis=1))
     np.minimum.at(bottom, surface, height.min(axis=1))
-    bent = (top - bottom > FLAT)[surface]
+    bent = (top - bottom > PLANE_TOLERANCE)[surface]
     surface[bent] = size + np.flatnonzero(bent)
     return np.unique(surface, return_inverse=True)[1].reshape(-1)
 

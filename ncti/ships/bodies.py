@@ -23,12 +23,12 @@ from ncti.ships.surfaces import (
     surface_of,
     triangle_areas,
 )
-from ncti.ships.welding import APART, count_text, weld_surface
+from ncti.ships.welding import WELD_DISTANCE, count_text, weld_surface
 
 MAX_OPENINGS = 10_000  # to which planes are fitted
 MAX_OPEN = 0.05  # of the surface, up to which openings are closed on request
-FLAT = 1e-7  # volume over surface and longest extent, up to which a body has no inside
-WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body around it
+MIN_THICKNESS = 1e-7  # volume over surface and longest extent, up to which a body has no inside
+MAX_EXCESS = 1e-6  # of a body's volume, which rounding leaves outside the body around it
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Body:
         a, b, c = (self.vertices - self.vertices[:1])[self.faces].transpose(1, 0, 2)
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
         extent = float(np.ptp(self.vertices, axis=0).max())
-        flat = FLAT * extent * float(triangle_areas(self.vertices[self.faces]).sum())
+        flat = MIN_THICKNESS * extent * float(triangle_areas(self.vertices[self.faces]).sum())
         return volume if abs(volume) > flat else 0.0
 
     @cached_property
@@ -83,9 +83,9 @@ class Body:
 
     def is_within(self, other: Body, where: str) -> bool:
         """Return whether it lies inside another; both face outward."""
-        if self.volume >= (1 - WITHIN) * other.volume:
+        if self.volume >= (1 - MAX_EXCESS) * other.volume:
             return False  # the same
-        return bool((self.solid(where) - other.solid(where)).volume() <= WITHIN * self.volume)
+        return bool((self.solid(where) - other.solid(where)).volume() <= MAX_EXCESS * self.volume)
 
 
 @dataclass
@@ -212,7 +212,7 @@ def _close_openings(surface: Surface, work: Workshop) -> Surface:
         many = f"{len(edges):,} edges in {number:,} openings"
         raise ShipError(f"{work.where} is open along {many}, but must be a closed surface.")
     holes = openings(surface)
-    distance = APART * float(np.ptp(surface.vertices, axis=0).max())
+    distance = WELD_DISTANCE * float(np.ptp(surface.vertices, axis=0).max())
     wide = np.flatnonzero(2 * holes.areas > distance * holes.perimeters)
     slits = len(holes.loops) - len(wide)
     closed = surface_of(surface.vertices, np.concatenate([surface.faces, *holes.patches]))
@@ -230,7 +230,7 @@ def _describe_openings(
 ) -> str:
     """Describe the openings in words; refuse the surface if they may not be closed."""
     areas, loops = holes.areas[wide], [holes.loops[number] for number in wide]
-    water = APART * float(np.ptp(surface.vertices, axis=0).max())
+    water = WELD_DISTANCE * float(np.ptp(surface.vertices, axis=0).max())
     above_water = np.array([surface.vertices[loop, 2].max() > water for loop in loops])
     total_area = float(triangle_areas(surface.corners).sum() + holes.areas.sum())
     share = float(areas[above_water].sum()) / total_area

@@ -115,11 +115,12 @@ def _clip_to_water(
     merged = reduce(Body.join, bodies)
     low, high = (float(height) for height in merged.bounds[:, 2])
     diagnosis = diagnose(merged.vertices, merged.faces)
-    if diagnosis.mend:  # of the file, instead of its transform
-        diagnosis = replace(diagnosis, mend=transform.compose(diagnosis.mend))
+    if suggested := diagnosis.suggested_transform:  # of the file, instead of its transform
+        suggested = transform.compose(suggested)
+        diagnosis = replace(diagnosis, suggested_transform=suggested)
     if high <= 0:
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
-        advice = f" ({{{diagnosis.mend}}} would correct that)" if diagnosis.mend else ""
+        advice = f" ({{{suggested}}} would correct that)" if suggested else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
     solid_bodies = [body for body in bodies if body.volume]
     if not solid_bodies:

@@ -262,11 +262,11 @@ class Lattice:
         storeys = np.arange(self.bays + 1) * self.height / self.bays
         for lower, upper in pairwise(base + storeys[:, None, None] * slope):
             for leg in range(self.legs):
-                beside = (leg + 1) % self.legs
+                next_leg = (leg + 1) % self.legs
                 for ends in (
-                    [lower[leg], upper[beside]],
-                    [lower[beside], upper[leg]],
-                    [upper[leg], upper[beside]],
+                    [lower[leg], upper[next_leg]],
+                    [lower[next_leg], upper[leg]],
+                    [upper[leg], upper[next_leg]],
                 ):
                     bars.append(tube(ends, self.brace_radius))
         return union(bars)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all
 from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
-from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
+from ncti.ladar.budget import MAX_DECIBELS, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import bins_of
 from ncti.ladar.frames import averaged_frames
@@ -156,7 +156,7 @@ def range_profile(
     require("accuracy", accuracy, positive=True, maximum=1.0)
     check_sight(slant_range, ifov)
     if cnr_db is not None:
-        require("cnr_db", cnr_db, minimum=-LOUDEST, maximum=LOUDEST)
+        require("cnr_db", cnr_db, minimum=-MAX_DECIBELS, maximum=MAX_DECIBELS)
     ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
     beam = Beam(ifov, bin_width, window)
     signal = Signal(pulse_width, ratio, target_free_ifovs)

@@ -98,7 +98,7 @@ def truth(
     """
     flight, surface = flight_of(aspect, dict(course)), irar.surface(mesh, dict(course), reflectance)
     window = library.ship_window(mesh, flight)
-    view = library.true_snapshot(mesh, flight, window, cells=comparison.CELLS, **surface)
+    view = library.true_snapshot(mesh, flight, window, cells=comparison.CELLS_PER_PIXEL, **surface)
     engine = "auto" if drawing_engine == views.LINES else drawing_engine  # it needs pixels
     drawn: Any = {"engine": engine, "reflectance": reflectance, **bins}
     return view, comparison.model_profiles(mesh, view, flight, aspect=aspect, **drawn)
@@ -164,7 +164,7 @@ IMAGES = {  # unit and label
 _place = partial(inner, dtype="i4", unit="pixel")
 
 
-flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
+flight_chain = plain(uses=(Irar,), reads={"form": Irar.chain}, name="flight_chain")(Chain)
 
 
 @FLIGHTS.stage(

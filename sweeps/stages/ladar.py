@@ -17,7 +17,7 @@ from ncti.ladar import RangeExtent
 from ncti.ladar.budget import faintest_ratio
 from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
-from ncti.ladar.places import Place
+from ncti.ladar.places import IfovOffset
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.ladar.window import window_requirement
@@ -142,7 +142,7 @@ EXTENT = (  # arrays of a packed `RangeExtent`
 
 
 @plain()
-def shift() -> Place:
+def shift() -> IfovOffset:
     """Return the place of the ship origin in expected profiles: the corner of an IFOV."""
     return 0.0, 0.0
 
@@ -164,7 +164,7 @@ def seen_shift(
     place: str,
     seed: int,
     drawn_aspect: float,
-) -> Place:
+) -> IfovOffset:
     """Return the place of the ship origin in averages, mirrored if the other side is drawn."""
     if place == CORNER:
         return 0.0, 0.0
@@ -173,7 +173,7 @@ def seen_shift(
     return mirror_place((right, up), aspect, drawn_aspect)
 
 
-def mirror_place(place: Place, aspect: float, drawn_aspect: float) -> Place:
+def mirror_place(place: IfovOffset, aspect: float, drawn_aspect: float) -> IfovOffset:
     """Return a place, mirrored if the other side of the ship is drawn.
 
     No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.

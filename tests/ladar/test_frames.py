@@ -147,7 +147,7 @@ def plain_frames(target, count, *, pulse_width, cnr, target_free_ifovs, rng):
     key = draw_key(rng)
     ifovs = list(zip(target.density, target.cell, strict=True))
     nothing = np.zeros(bins)
-    ifovs += [(nothing, (n, ladar.frames.ELSEWHERE)) for n in range(target_free_ifovs)]
+    ifovs += [(nothing, (n, ladar.frames.TARGET_FREE_ROW)) for n in range(target_free_ifovs)]
     drawn = np.zeros((count, bins))
     for frame, (beta, cell) in product(range(count), ifovs):
         (occupied,) = np.nonzero(beta)
