@@ -56,7 +56,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
 
     See Also
     --------
-    cluster : Its training, on cosines that further vigilances and orders share.
+    cluster : Trains categories from precomputed cosines, shared between vigilances and orders.
     ncti.features.profile_vector : Profiles as vectors.
     ncti.evaluate.category_formation : Categories by ship and aspect.
 

@@ -172,7 +172,6 @@ def _fit_by_pieces(
         mixed = (1 - outlier_fraction) * answers + outlier_fraction / classes
         return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
-    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
     def loss(log_inverse_temperature: float) -> float:

@@ -73,8 +73,8 @@ class Similarities:
         directions, lengths = unit_vectors(learned)
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
-        none = np.zeros((0, min(learned.shape)))
-        similarities = cls(directions, lengths, none, np.zeros(0, dtype=bool))
+        no_tests = np.zeros((0, min(learned.shape)))
+        similarities = cls(directions, lengths, no_tests, np.zeros(0, dtype=bool))
         return similarities if tests is None else similarities.with_tests(tests)
 
     def with_tests(self, tests: ArrayLike) -> Similarities:

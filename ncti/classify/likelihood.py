@@ -399,10 +399,10 @@ class GaussianTemplates(BaseEstimator):
         return self.classes_[best]
 
     def draw_averages(
-        self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator
+        self, chosen: NDArray[np.bool_], frames: int, rng: np.random.Generator
     ) -> Floats:
         """Return (sample, bin) averages, one from each chosen template, at a random place."""
-        factors, means = self.cholesky_[which], self.mean_[which]
+        factors, means = self.cholesky_[chosen], self.mean_[chosen]
         noise = rng.standard_normal((len(factors), means.shape[2]))
         deviations = np.array([colour(*pair) for pair in zip(factors, noise, strict=True)])
         place = rng.integers(means.shape[1], size=len(means))
@@ -429,7 +429,6 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
     It maximises the mean log density of averages of 16 frames from every second template of a
     label, under its two neighbours of the same label. It is 1 if no label has five templates.
     """
-    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
     out, neighbours = alternate_templates(templates.labels_, templates.aspect_)

@@ -61,7 +61,6 @@ def aspect_prior(
     [[0.   0.93 0.07 0.  ]]
     [[0.17 0.2  0.18 0.13]]
     """
-    # Imported where it is used: scipy.special takes a fifth of a second.
     from scipy.special import log_ndtr
 
     angles = require_all("aspect", aspect)
@@ -74,13 +73,13 @@ def aspect_prior(
             f"aspect has shape {angles.shape}, but must be (template,) as the labels, "
             f"{names.shape}, and tracked (sample,), not {reported.shape}"
         )
-    before, behind = np.full((2, len(angles)), CIRCLE)
+    before, after = np.full((2, len(angles)), CIRCLE)
     for name, rows in rows_by_label(names, angles):
         if len(rows) > 1:
-            before[rows], behind[rows], _ = steps(angles[rows] % CIRCLE, name)
+            before[rows], after[rows], _ = steps(angles[rows] % CIRCLE, name)
     offset = (angles - reported[:, None] + CIRCLE / 2) % CIRCLE - CIRCLE / 2
     turns = np.array([0.0, -CIRCLE, CIRCLE])[:, None, None]
-    low, high = (offset - before / 2 + turns) / deviation, (offset + behind / 2 + turns) / deviation
+    low, high = (offset - before / 2 + turns) / deviation, (offset + after / 2 + turns) / deviation
     # Use the smaller of the two tails, so that nothing cancels far from the report.
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
     log_upper, log_lower = log_ndtr(high), log_ndtr(low)

@@ -60,7 +60,6 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
     >>> table.sizes["view"], table["mean"].dims
     (2, ('view', 'place', 'down_range'))
     """
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     views, first = np.unique(rows.view.values, return_index=True)

@@ -410,7 +410,6 @@ def _limit_line_threads() -> None:
 
 def _labelled_rows(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
     """Return rows as an xarray data set."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     beam = recipe.beam

@@ -279,7 +279,6 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
 
 def _changes(name: str, part: str, seed: int) -> Rows:
     """Return the parameters of a part that differ from the nominal ones."""
-    # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 
     changes: Rows = {}

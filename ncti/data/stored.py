@@ -191,7 +191,6 @@ def open_rows(
     Traceback (most recent call last):
     ValueError: store is 'no.zarr', which does not exist
     """
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     parts = [
@@ -280,7 +279,6 @@ def _open_group(
     store: str | Path, group: str, chunks: dict[str, int] | None = None
 ) -> xr.Dataset | None:
     """Return a group of a store with undecoded integers; None if there is no such group."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     try:

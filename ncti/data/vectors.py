@@ -74,7 +74,7 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
         raise ValueError(f"rows is {text:.60}, but must be a data set of rows")
     if lacking := [name for name in (*GROUP, "view") if name not in rows.coords]:
         raise ValueError(f"rows has no {lacking[0]}, but must be rows of a data set")
-    parts = [see(rows[name].values) for name, see in VECTORS.items() if name in rows]
+    parts = [convert(rows[name].values) for name, convert in VECTORS.items() if name in rows]
     if not parts:
         raise ValueError(
             f"rows has {', '.join(map(str, rows)) or 'nothing'}, but must have a profile or a "

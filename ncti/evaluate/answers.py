@@ -9,7 +9,7 @@ from ncti.evaluate.replicates import replicated_accuracy
 from ncti.evaluate.scores import accuracy_by_aspect, aspect_bins
 from ncti.labels import labelled_dataset
 
-if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
+if TYPE_CHECKING:
     import xarray as xr
 
 VIEW = ("ship", "aspect")
@@ -18,12 +18,12 @@ ASPECT_ATTRS = {"long_name": "whether aspects are learned, lie between, or are d
 DRAWS = ("replicate", "phase", "order", "draw")
 
 
-def count_categories(classified: xr.Dataset, shown: str) -> xr.Dataset:
+def count_categories(classified: xr.Dataset, noun: str) -> xr.Dataset:
     """Return the number of categories and of views of every training."""
     category = classified.training_category
     columns = {
         "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
-        "view_count": ((category >= 0).sum(VIEW).astype("i4"), f"training {shown}"),
+        "view_count": ((category >= 0).sum(VIEW).astype("i4"), f"training {noun}"),
         "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
     }
     return labelled_dataset(columns)
@@ -81,7 +81,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
 
 
 def accuracy_columns(
-    correct: xr.DataArray, prefix: str, what: str, aspects: Mapping[str, xr.DataArray] | None = None
+    correct: xr.DataArray, prefix: str, noun: str, aspects: Mapping[str, xr.DataArray] | None = None
 ) -> xr.Dataset:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
@@ -93,7 +93,7 @@ def accuracy_columns(
 
     if aspects and len(aspects) > 1:
         parts = [
-            accuracy_columns(correct.where(kind, -1), prefix, what) for kind in aspects.values()
+            accuracy_columns(correct.where(kind, -1), prefix, noun) for kind in aspects.values()
         ]
         kinds = xr.DataArray(list(aspects), dims="aspects", attrs=ASPECT_ATTRS, name="aspects")
         return xr.concat(parts, kinds)
@@ -102,10 +102,10 @@ def accuracy_columns(
     right, answered, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
     score = replicated_accuracy(right, aspect, draws=len(draws), answered=answered)
     figures = {
-        "accuracy": (score.fraction, f"fraction of {what} classified correctly"),
+        "accuracy": (score.fraction, f"fraction of {noun} classified correctly"),
         "ci_low": (score.ci_low, "lower end of its 95 % Wilson interval"),
         "ci_high": (score.ci_high, "upper end of its 95 % Wilson interval"),
-        "n": (score.n, f"number of {what}"),
+        "n": (score.n, f"number of {noun}"),
     }
     if draws:
         by_draw = accuracy_by_aspect(right, aspect, answered=answered).fraction
@@ -176,13 +176,13 @@ def tabulate_scores(
     arrays: dict[Any, xr.DataArray] = {}
     if "training_category" in classified:
         arrays |= count_categories(classified, shown).data_vars.items()
-    for name, prefix, what, kinds in (
+    for name, prefix, noun, kinds in (
         ("training_correct", "training_", f"training {shown}", None),
         ("ship_correct", "ship_", f"ships of test {shown}", aspects),
         ("correct", "", f"test {shown}", aspects),
     ):
         if name in classified:
-            arrays |= accuracy_columns(classified[name], prefix, what, kinds).data_vars.items()
+            arrays |= accuracy_columns(classified[name], prefix, noun, kinds).data_vars.items()
     return add_bin_attribute(xr.Dataset(arrays), classified.aspect)
 
 

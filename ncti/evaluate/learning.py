@@ -103,7 +103,6 @@ def learning_curve(
     >>> curve.rows.tolist(), curve.fraction.min()
     ([[2, 4], [4, 8]], np.float64(1.0))
     """
-    # Imported here because scikit-learn takes a second.
     from sklearn.base import clone
 
     require_generator("rng", rng)

@@ -11,7 +11,7 @@ import numpy as np
 from ncti.evaluate.answers import ASPECT_ATTRS, DRAWS, VIEW, accuracy_columns
 from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
 
-if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
+if TYPE_CHECKING:
     import xarray as xr
 
 INTERVAL_SUFFIXES = ("_ci_low", "_ci_high")
@@ -20,18 +20,18 @@ MIN_REJECTED = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # share of answers to unkno
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
     "rejected_known": "fraction of answers to known ships that are rejected",
-    "correct_known": "fraction of answers to known ships that are right and not rejected",
+    "correct_known": "fraction of answers to known ships that are correct and accepted",
     "n_unknown": "answers to unknown ships",
     "n_known": "answers to known ships",
-    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
-    "where at least so many of those to unknown ones are",
-    "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
+    "correct_where_rejected": "fraction of answers to known ships that are correct and accepted at "
+    "the threshold that rejects `least_rejected` of the unknown ones",
+    "rejected_up_to": "that threshold, the largest cosine rejected; none where all are accepted",
     "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
     "ship (area under the receiver operating characteristic)",
     "oscr": "probability that an answer to a known ship is right and more similar than one to an "
     "unknown ship (area under the open-set classification rate)",
     "test_vigilance": "cosine that an answer must reach",
-    "least_rejected": "fraction of answers to unknown ships that is rejected at least",
+    "least_rejected": "minimum fraction of answers to unknown ships that must be rejected",
 }
 
 

@@ -232,7 +232,6 @@ def score(
         auroc, oscr = areas.auroc, areas.oscr
         [threshold] = rejection_thresholds(similarities[~known], [REJECTED_SHARE])
         accepted = float((correct & (similarities > threshold))[known].mean())
-    # Imported here because scikit-learn takes a second.
     from sklearn.metrics import confusion_matrix
 
     return Scores(

@@ -154,7 +154,7 @@ def _draw(
     target: NDArray[np.bool_], count: int, rim: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Return normals (count, row + 2 rim, col + 2 rim), drawn in the order of `draw_scene`."""
-    from ncti.infrared.cells import bounding_box, lay_out  # numba takes long to import
+    from ncti.infrared.cells import bounding_box, lay_out
 
     rows, columns = target.shape
     top, bottom, left, right = bounding_box(target)

@@ -41,9 +41,9 @@ def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
     centres = np.arange(-math.ceil(steepest / STEP), math.ceil(steepest / STEP) + 1) * STEP
     edges = np.append(centres, centres[-1] + STEP) - STEP / 2
     reach = 4 * SMOOTHING
-    wide = np.arange(edges[0] - reach, edges[-1] + reach, STEP)
-    counts, _ = np.histogram(slopes, wide)
-    middle = (wide[1:] + wide[:-1]) / 2
+    wide_edges = np.arange(edges[0] - reach, edges[-1] + reach, STEP)
+    counts, _ = np.histogram(slopes, wide_edges)
+    middle = (wide_edges[1:] + wide_edges[:-1]) / 2
     kernel = np.exp(-(((centres[:, None] - middle) / SMOOTHING) ** 2) / 2)
     smooth: Floats = kernel @ counts
     return centres.astype(np.float64), smooth

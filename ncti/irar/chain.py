@@ -96,7 +96,6 @@ def nearest_ship_range(scan: Scan) -> Floats:
     ship = scan.intensity > SHIP_CONTRAST * _sea_median(scan)
     if not ship.any():
         return scan.range
-    # Imported here because scipy takes a tenth of a second or more.
     from scipy.ndimage import distance_transform_edt
 
     nearest = distance_transform_edt(~ship, return_distances=False, return_indices=True)

@@ -170,22 +170,22 @@ def measure_tilts(
     chain: Chain,
     scan: Scan,
     clean: Scan,
-    whole: Snapshot,
+    uncut: Snapshot,
     truth: Snapshot,
     estimate: Flight,
     *,
-    shown: bool,
+    shows_ship: bool,
 ) -> Arrays:
     """Return the tilts of corrected images [deg]: both sensors together, each alone, no noise.
 
     They are `mast_tilt` and `waterline_tilt`, each with `_error`, and with the prefixes
-    `intensity_`, `infrared_` and `noiseless_`. `whole` are corrected images without a threshold,
-    `truth` the true ones on the ship's own window; `shown` says whether the intensity shows a ship.
+    `intensity_`, `infrared_` and `noiseless_`. `uncut` are corrected images without a threshold,
+    `truth` the true ones on the ship's own window; `shows_ship` is of the intensity.
     """
-    pixels = whole.window
+    pixels = uncut.window
     # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
     truths = [_pad_values(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
-    images = [whole.intensity * shown, whole.infrared]
+    images = [uncut.intensity * shows_ship, uncut.infrared]
     tilt = partial(chain.tilt, estimate=estimate, window=pixels)
     noiseless = chain.correct(clean, estimate, pixels).infrared
     lean = tilt(scan, images, truths)

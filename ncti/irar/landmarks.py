@@ -198,7 +198,6 @@ def landmarks(
         share = _energy(values, centres, place, width) / energy
         return Peak(place - spike, float(values[index]) / height, share)
 
-    # Imported here because scipy.signal takes half a second.
     from scipy.signal import find_peaks
 
     # Zeros on both sides, so that a maximum at the profile's end is a peak, too.

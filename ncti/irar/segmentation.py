@@ -42,7 +42,6 @@ def noise_threshold(
     require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
     if not looks.size:
         return np.empty(looks.shape)
-    # Imported here because scipy takes a tenth of a second.
     from scipy import fft
 
     share, step = _noise_look(depth, pulse_length, dropout)

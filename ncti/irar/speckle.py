@@ -46,7 +46,6 @@ def speckle(
     field *= np.float32(math.sqrt(0.5))
     if correlation < MIN_CORRELATION:
         return field
-    # Imported here because scipy.signal takes half a second.
     from scipy.signal import lfilter
 
     field[1:] *= np.float32(math.sqrt(1 - correlation**2))

@@ -154,7 +154,7 @@ def tilts(
     >>> print(f"{tilt.mast:.0f} +- {tilt.mast_error:.1f} deg")
     5 +- 0.1 deg
     """
-    from ncti.irar.seen import Looks, Truth  # numba takes long to import
+    from ncti.irar.seen import Looks, Truth
 
     observed, cells, known = _checked_images(image, truth)
     rows, columns = observed.shape[1:]
@@ -245,7 +245,6 @@ def _ship_block(model: Floats) -> tuple[slice, slice]:
 
 def _starting_place(observed: Floats, view: Truth, looks: Looks) -> Floats:
     """Return a place from the best shifts of whole rows, then of whole columns."""
-    # Imported here because scipy.stats takes half a second.
     from scipy.stats import theilslopes
 
     place = np.array(START)

@@ -99,7 +99,6 @@ class Waveforms:
 
     def magnitudes(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin) magnitudes of blocks of IFOVs, of up to ROWS_AT_ONCE frames."""
-        # Imported here because numba is slow to import.
         from ncti.ladar.waveforms import put_magnitudes
         from ncti.normals import draw_places, draw_run, put_streams
 

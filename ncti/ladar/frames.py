@@ -205,7 +205,6 @@ def frame_blocks(
             f"target_free_ifovs is {target_free_ifovs}, but must be at most {MAX_DRAWN} for the "
             f"receiver {receiver}, which sees each of them"
         )
-    # Imported here because numba is slow to import.
     from ncti.ladar.waveforms import accumulate_frames
     from ncti.normals import draw_key
 
@@ -328,7 +327,6 @@ class _TargetFreeNoise:
 
     def deviations(self, first: int, frames: int) -> NDArray[np.float32]:
         """Return (frame, bin) deviations of up to ROWS_AT_ONCE frames."""
-        # Imported here because scipy takes a tenth of a second, and numba is slow to import.
         from scipy.fft import irfft, rfft
 
         from ncti.normals import draw_run, put_streams
@@ -349,7 +347,6 @@ def _floor_filter(pulse: Pulse, bin_count: int) -> NDArray[np.float32]:
     Noise that is periodic over the window plus the reach of its correlation has exactly this
     covariance in the window (circulant embedding).
     """
-    # Imported here because scipy takes a tenth of a second.
     from scipy.fft import next_fast_len, rfft
 
     reach = floor_reach(pulse)

@@ -268,7 +268,6 @@ def _live_pairs(
 
 def _bracket(m: Floats) -> Floats:
     """Return 2 E(m) - (1 - m) K(m) - pi/2 for m in [0, 1]; see `magnitude_covariance`."""
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import ellipe, ellipk
 
     m = np.minimum(m, 1.0)

@@ -186,7 +186,6 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     LAPACK, makes its sum over bins, weighted by 1 / (bin + 1), positive here, so that the same
     random numbers make the same noise when a pulse width changes by rounding. Read-only.
     """
-    # Imported here because scipy takes a tenth of a second.
     from scipy.linalg.lapack import dpstrf
 
     # The remainder of the decomposition is at most n times the pivot at which it stops; the largest

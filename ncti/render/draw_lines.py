@@ -148,7 +148,7 @@ def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
     """
     if not (isinstance(factor, int | np.integer) and factor >= 2):
         raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
-    from ncti.render.line_sweep import merge_lines  # numba takes long to import
+    from ncti.render.line_sweep import merge_lines
 
     kept, phase = divmod(factor * lines.phase, 1.0)
     view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)

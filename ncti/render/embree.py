@@ -37,7 +37,7 @@ class EmbreeEngine:
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.int32]:
         """Return the facet that each pixel sees, -1 for none."""
-        from ncti.render.pixels import rays  # numba takes long to import
+        from ncti.render.pixels import rays
 
         # Rays start at the near plane, so that distances in float32 are only as long as the ship.
         pixel, start, direction = rays(

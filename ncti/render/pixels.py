@@ -85,10 +85,10 @@ def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDA
         # Keep candidates with a centre between their sides.
         _mark_covering(candidate, begin, candidates, 0.0, margin, state)
         for e in range(candidates):
-            tried = float(ROWS)
+            tested = float(ROWS)
             while state[e] == MORE_ROWS:
-                _mark_covering(candidate, e, e + 1, tried, margin, state)
-                tried += ROWS
+                _mark_covering(candidate, e, e + 1, tested, margin, state)
+                tested += ROWS
             chosen[number] = facet[e]
             number += state[e] & COVERS
     return chosen[:number]
@@ -113,17 +113,22 @@ def _mark_facing(corner: Floats, size: int, margin: float, state: NDArray[np.uin
 
 @compiled
 def _mark_covering(
-    corner: Floats, begin: Index, end: Index, tried: float, margin: float, state: NDArray[np.uint8]
+    corner: Floats,
+    begin: Index,
+    end: Index,
+    tested: float,
+    margin: float,
+    state: NDArray[np.uint8],
 ) -> None:
     """Set the state of facets to COVERS, MORE, both or 0 by testing their next rows.
 
-    Earlier calls have tested `tried` rows of the facets from `begin` to before `end`; see
+    Earlier calls have tested `tested` rows of the facets from `begin` to before `end`; see
     `_mark_facing`.
     """
     for number in range(end - begin):
         e = np.uintp(begin + number)  # unsigned, as above
         triangle = _bounds(corner, e, margin)
-        low, high = triangle[0] + tried, triangle[1]
+        low, high = triangle[0] + tested, triangle[1]
         covers = False
         for row in range(ROWS):
             covers |= _covers(triangle, low + row)
@@ -289,13 +294,13 @@ def surface(
     lattice: tuple[float, float, float],
     sight: tuple[Floats, float],
     planes: tuple[Floats, Floats, NDArray[np.int32]],
-    away: Floats,
+    depth: Floats,
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
 
     `facet` (row * col,) is the facet of each pixel, below 0 for none; `lattice` has column and row
     of the first pixel's centre [pixel] and the pixel side [m]; `sight` (axes, curvature) the
-    view's; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the down-range
+    view's; `planes` normals, offsets and faces of `Solid`; `depth` (vertex,) [m] is the down-range
     of vertices.
     """
     (rows, columns), (first_column, first_row, pixel) = shape, lattice
@@ -319,8 +324,8 @@ def surface(
             a = max(-(n_r + curvature * s), MIN_COSINE)
             r = (s - offsets[f]) / a
             if a < STEEP_COSINE:
-                first, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
-                r = min(max(r, min(first, two, three)), max(first, two, three))
+                first, second, third = depth[faces[f, 0]], depth[faces[f, 1]], depth[faces[f, 2]]
+                r = min(max(r, min(first, second, third)), max(first, second, third))
             if curvature == 0.0:  # w and t are 1, which saves a fifth of the time
                 down_range[row, column] = r
                 slope = 1.0 / a

@@ -100,7 +100,7 @@ class Sampling:
             return lines
         draw: Callable[..., RangeImage | Mask]
         if self.engine == MASK:
-            from ncti.render.mask import ship_mask as draw  # numba takes long to import
+            from ncti.render.mask import ship_mask as draw
         else:
             draw = partial(range_image, engine=self.engine)
         image = draw(mesh, pixel=self.pixel, roll=roll, **view)

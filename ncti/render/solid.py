@@ -108,7 +108,7 @@ def surface(
     on a grid of 1/256 pixel), so r is clipped to the facet's extent, which matters on a steep
     facet.
     """
-    from ncti.render import pixels  # numba takes long to import
+    from ncti.render import pixels
 
     return pixels.surface(
         facet,

@@ -67,17 +67,17 @@ class Hull:
         for before, after in pairwise(self.stations):
             drop = before[1] - after[1]
             if after[0] - before[0] < 0.2 and drop > 0.3:
-                ahead = before[0] + 1e-9 - x
-                head -= drop * np.where(ahead >= 0, np.clip(1 - ahead / 20, 0, 1), 0)
+                lead = before[0] + 1e-9 - x
+                head -= drop * np.where(lead >= 0, np.clip(1 - lead / 20, 0, 1), 0)
         return head
 
     def solid(self) -> Manifold:
         """Return the hull from the waterline to the weather deck."""
         every_metre = np.arange(0, self.loa)
         station_x = self.stations[:, 0]
-        fresh = np.abs(every_metre[:, None] - station_x).min(axis=1) > 0.05
+        between = np.abs(every_metre[:, None] - station_x).min(axis=1) > 0.05
         # Half a metre past the transom's head, for the transom's plane to cut.
-        x = np.sort(np.concatenate([every_metre[fresh], station_x, [self.loa + 0.5]]))
+        x = np.sort(np.concatenate([every_metre[between], station_x, [self.loa + 0.5]]))
         half_deck, deck = self.deck_edge(x)
         wet = self.stations[~np.isnan(self.stations[:, 3]), 0]
         half_water = self._waterline(np.clip(x, wet[0], wet[-1]))[:, 0]

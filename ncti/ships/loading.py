@@ -313,7 +313,7 @@ class Description:
     suggested_transform : Transform or None
         Transform of the file that would correct all of that, instead of the one given.
     faults : tuple of str
-        Faults of the surface, which are mended, as "1 of 2 bodies inside out".
+        Corrected faults of the surface, as "1 of 2 bodies inside out".
 
     See Also
     --------
@@ -460,8 +460,8 @@ def _ship_solid(
 def _build_ship(source: _Source) -> Ship:
     if source.variant is None:
         return build(_parse_sheet(source))
-    sheet, borne = _sheet_and_carriage(replace(source, name=source.variant.base, variant=None))
-    return build_variant(sheet, borne, source.variant)
+    sheet, carriage = _sheet_and_carriage(replace(source, name=source.variant.base, variant=None))
+    return build_variant(sheet, carriage, source.variant)
 
 
 def _parse_sheet(source: _Source) -> sheets.Sheet:

@@ -33,7 +33,7 @@ class PlacedMesh:
 
     `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
     from outside; `diagnosis` includes the parts below the waterline, and mends the file's
-    transform; `faults` of the file are mended.
+    transform; `faults` of the file are corrected.
     """
 
     vertices: NDArray[np.float64]
@@ -60,7 +60,6 @@ def place(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
 ) -> PlacedMesh:
     """Return a built ship, whose surface is closed, after a transform; raises as `read` does."""
-    # Imported where it is used: trimesh takes half a second.
     import trimesh
 
     (ship,) = _to_ship_frame([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
@@ -89,7 +88,7 @@ def _to_ship_frame(
 def _bodies(
     parts: list[trimesh.Trimesh], transform: Transform, where: str
 ) -> tuple[list[Body], tuple[str, ...]]:
-    """Return the closed bodies of geometries, and the faults mended in them."""
+    """Return the closed bodies of geometries, and the faults corrected in them."""
     import trimesh
 
     merged = [_merge_vertices(part) for part in parts]

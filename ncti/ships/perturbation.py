@@ -161,14 +161,14 @@ def carriage(sheet: Sheet) -> Carriage:
         return _shared_volumes(solids[number], solids[other])
 
     carrier, contact = [-1] * count, [shared_volume(number, -1) for number in range(count)]
-    waiting, order = set(range(count)), []
-    while waiting:
-        best = max(waiting, key=lambda number: (contact[number].sum(), -number))
-        waiting.remove(best)
+    remaining, order = set(range(count)), []
+    while remaining:
+        best = max(remaining, key=lambda number: (contact[number].sum(), -number))
+        remaining.remove(best)
         order.append(best)
         if sheet.components[best].primitive.cuts:
             continue
-        for number in waiting:
+        for number in remaining:
             volumes = shared_volume(number, best)
             if volumes.sum() > contact[number].sum():
                 carrier[number], contact[number] = best, volumes
@@ -345,7 +345,7 @@ def _resize_component(component: Component, factor: float, beam: float) -> Compo
 
 
 def perturb_sheet(
-    sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float
+    sheet: Sheet, carriage: Carriage, *, rng: np.random.Generator, scale: float
 ) -> Sheet:
     """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
@@ -359,13 +359,11 @@ def perturb_sheet(
     warp = _Warp.draw(rng, sheet.hull, common, scale)
     if (np.diff(warp.x(sheet.hull.stations[:, 0])) <= 0).any():
         raise ShipError(f"{sheet.name}: a warp of scale {scale:g} folds the hull.")
-    fresh = replace(sheet, hull=warp.lines())
-    hull = [fresh.hull.solid()]
-    sigma, feet, carriers = scale * borne.sigmas(sheet), borne.ancestors(), set(borne.carrier)
-    places = np.clip(rng.standard_normal((len(sigma), 2)), -MAX_SIGMAS, MAX_SIGMAS) * [
-        1,
-        ACROSS_RATIO,
-    ]
+    warped = replace(sheet, hull=warp.lines())
+    hull = [warped.hull.solid()]
+    sigma, feet = scale * carriage.sigmas(sheet), carriage.ancestors()
+    places = np.clip(rng.standard_normal((len(sigma), 2)), -MAX_SIGMAS, MAX_SIGMAS)
+    places[:, 1] *= ACROSS_RATIO
     sizes = np.clip(rng.standard_normal(len(sigma)), -MAX_SIGMAS, MAX_SIGMAS)
     moves, components, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
 
@@ -374,10 +372,10 @@ def perturb_sheet(
         plan = move if feet[number] == number else moves[feet[number]]
         # Rise of the deck from the place that the warp alone gives the foot to its final place.
         _, before = sheet.hull.deck_edge(column)
-        _, after = fresh.hull.deck_edge(warp.x(column) + plan[0])
+        _, after = warped.hull.deck_edge(warp.x(column) + plan[0])
         rise = float(after - warp.z(column, before))
         changed = _move_component(_warp_component(component, warp, column), np.array([*move, rise]))
-        if number not in carriers and component.prim in RESIZED:
+        if number not in carriage.carrier and component.prim in RESIZED:
             factor = float(np.exp(scale * component.size_sigma * sizes[number]))
             changed = _resize_component(changed, factor, 2 * sheet.hull.stations[:, 2].max())
         return changed
@@ -387,11 +385,11 @@ def perturb_sheet(
         reach = _bounds(copies)[:, :2]
         if (reach[0] < low).any() or (reach[1] > high).any():
             return False
-        contact = _shared_volumes(copies, solids[borne.carrier[number]])
-        return bool((contact >= MIN_CONTACT * borne.contact[number]).all())
+        contact = _shared_volumes(copies, solids[carriage.carrier[number]])
+        return bool((contact >= MIN_CONTACT * carriage.contact[number]).all())
 
-    for number in borne.order:
-        component, carrier = sheet.components[number], borne.carrier[number]
+    for number in carriage.order:
+        component, carrier = sheet.components[number], carriage.carrier[number]
         base = moves[carrier] if carrier >= 0 else np.zeros(2)
         below = max(common, sigma[carrier]) if carrier >= 0 else common
         shift = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
@@ -400,20 +398,20 @@ def perturb_sheet(
         if component.primitive.cuts or "edge" in component.sizes:
             shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
         if shift.any():
-            unmoved = copies_of(fresh, place(number, base))
-            room = _bounds([*hull, *unmoved])[:, :2]
+            base_copies = copies_of(warped, place(number, base))
+            room = _bounds([*hull, *base_copies])[:, :2]
             halved = (shift / 2**halving for halving in range(HALVINGS))
-            tried = ((move, copies_of(fresh, place(number, base + move))) for move in halved)
-            fitting = (move for move, copies in tried if keeps_contact(number, room, copies))
+            placed = ((move, copies_of(warped, place(number, base + move))) for move in halved)
+            fitting = (move for move, copies in placed if keeps_contact(number, room, copies))
             shift = next(fitting, np.zeros(2))
         moves[number] = base + shift
         components[number] = place(number, moves[number])
-        if number in carriers:
-            solids[number] = copies_of(fresh, components[number])
-    return replace(fresh, components=tuple(components))
+        if number in carriage.carrier:
+            solids[number] = copies_of(warped, components[number])
+    return replace(warped, components=tuple(components))
 
 
-def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
+def build_variant(sheet: Sheet, carriage: Carriage, variant: Variant) -> Ship:
     """Return the ship of the first attempt that builds; `ShipError` if none does.
 
     Ship, seed, number and attempt key the stream of an attempt.
@@ -421,7 +419,7 @@ def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
     for attempt in range(MAX_DRAWS):
         try:
             rng = variant.stream(attempt)
-            ship = build(perturb_sheet(sheet, borne, rng=rng, scale=variant.scale))
+            ship = build(perturb_sheet(sheet, carriage, rng=rng, scale=variant.scale))
         except ShipError:
             continue
         size = variant.size

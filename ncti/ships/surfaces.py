@@ -165,7 +165,6 @@ def previous_edges(edges: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def components(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     """Return the number of the component of each node of a graph, given the ends of its links."""
-    # Imported where they are used: scipy takes a quarter of a second.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -19,7 +19,7 @@ MAX_PASSES = 10  # over open edges with vertices of other facets on them
 
 def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
     """Merge close vertices along open edges and end edges at them; return surface and faults."""
-    from scipy.spatial import cKDTree  # slow to import
+    from scipy.spatial import cKDTree
 
     vertices, faces = surface.vertices, surface.faces
     distance, faults = WELD_DISTANCE * float(np.ptp(vertices, axis=0).max()), list[str]()
@@ -57,7 +57,7 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
 
     It cuts one edge of a facet with several such edges, and also returns the number of vertices.
     """
-    from scipy.spatial import cKDTree  # slow to import
+    from scipy.spatial import cKDTree
 
     vertices, corner = surface.vertices, surface.faces.ravel()
     edges = surface.open_edges

@@ -142,7 +142,6 @@ def _raw_images(scan: Scan) -> xr.Dataset:
 
 def _corrected_images(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     """Return the corrected images over places on the target."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     places = {"vertical": snapshot.row, "horizontal": snapshot.column}

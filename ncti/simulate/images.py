@@ -151,7 +151,6 @@ def infrared_image(
         "super_resolution": super_resolution,
         "contrast_K": imager.contrast(float(slant_range)),
     }
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     rows, columns = temperature.shape

@@ -199,7 +199,6 @@ def _labelled_profiles(
     attributes: dict[str, Any],
 ) -> xr.DataArray:
     """Return profiles with their coordinates and attributes."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     down_range, *curves = profiles

@@ -47,11 +47,11 @@ def check_sight(slant_range: float, ifov: float) -> None:
         )
 
 
-def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:
+def check_known(given: Iterable[str], known: Iterable[str], kind: str) -> None:
     """Raise `ValueError` for the first unknown name."""
     if unknown := sorted(set(given) - set(known)):
         raise ValueError(
-            f"{unknown[0]} is no parameter of {what}, but must be one of {', '.join(sorted(known))}"
+            f"{unknown[0]} is no parameter of {kind}, but must be one of {', '.join(sorted(known))}"
         )
 
 
@@ -63,7 +63,6 @@ def mesh_of(ship: Ship) -> Mesh:
     """
     if isinstance(ship, str | Path):
         return _load_mesh(ship, digest(ship))
-    # Imported here because trimesh takes half a second.
     import trimesh
 
     from ncti.ships.meshes import check_closed

@@ -232,7 +232,7 @@ def corrected(
         "first_row": np.array(pixels.bottom),
         "first_column": np.array(pixels.left),
         **comparison.measure_tilts(
-            flight_chain, noisy, clean, image, view, navigation, shown=visible
+            flight_chain, noisy, clean, image, view, navigation, shows_ship=visible
         ),
         **{f"pixel_{name}": array for name, array in vars(fine.ship_pixels).items()},
         **comparison.compare_profiles(profiles, bins, aspect=aspect, ship=ship),
