@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -193,11 +194,8 @@ def open_rows(
     """
     import xarray as xr
 
-    parts = [
-        _flatten_pieces(_select_views(group, where))
-        for name in ROWS
-        if (group := _open_group(store, name, chunks)) is not None
-    ]
+    groups = _open_groups(store, ROWS, chunks)
+    parts = [_flatten_pieces(_select_views(group, where)) for group in groups]
     if not parts:
         raise ValueError(f"store is {str(store)!r}, but must have a group {' or '.join(ROWS)}")
     return xr.merge(parts, compat="override", join="inner")
@@ -205,19 +203,17 @@ def open_rows(
 
 def has_rows(store: str | Path) -> bool:
     """Return whether a store holds rows; `ValueError` if it is no store of a sweep."""
-    return any(_open_group(store, name) is not None for name in ROWS)
+    return any(True for _ in _open_groups(store, ROWS))
 
 
 def ships_of(store: str | Path) -> list[str]:
     """Return the names of a store's ships, known or not."""
-    names = (*ROWS, *SENSORS)
-    groups = (group for name in names if (group := _open_group(store, name)) is not None)
-    return next(groups).ship.values.astype(str).tolist()
+    return next(_open_groups(store, (*ROWS, *SENSORS))).ship.values.astype(str).tolist()
 
 
 def pieces_of(store: str | Path) -> dict[int, int]:
     """Return the completed pieces of a store of rows, and the number of rows of each."""
-    group = next(group for name in ROWS if (group := _open_group(store, name)) is not None)
+    group = next(_open_groups(store, ROWS))
     other = [dim for dim in group.row_view.dims if dim != "piece"]
     counts = (group.row_view >= 0).sum(other).values.tolist()
     return {k: n for k, n in zip(group.piece.values.tolist(), counts, strict=True) if n}
@@ -273,6 +269,14 @@ def _classifier_vectors(values: NDArray[Any], kind: str, classifier: str | None)
         return VECTORS[kind](values.astype(np.uint8))
     as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in KEEP_FLOOR
     return values if as_stored else VECTORS[kind](values)
+
+
+def _open_groups(
+    store: str | Path, names: Iterable[str], chunks: dict[str, int] | None = None
+) -> Iterator[xr.Dataset]:
+    """Yield those of some groups that a store has."""
+    groups = (_open_group(store, name, chunks) for name in names)
+    return (group for group in groups if group is not None)
 
 
 def _open_group(

@@ -138,12 +138,7 @@ class Chain(Correction):
             longest = max(window.rows, window.columns)
             above = math.ceil(longest * max(1 / 8, 1.1 * steep) + window.rows * 0.6 * (tall - 1.0))
             aside = math.ceil(window.rows * max(1.0, drift + steep) * tall)
-            window = Window(
-                bottom=window.bottom - above,
-                left=window.left - aside,
-                rows=window.rows + 2 * above,
-                columns=window.columns + 2 * aside,
-            )
+            window = window.padded(above, aside)
         if error[0] == "pointing":
             shift = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
             window = replace(window, left=window.left + round(shift))

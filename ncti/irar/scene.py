@@ -58,14 +58,8 @@ class Returns:
         inside = column >= columns
         width = self.shape[1] - columns
         place = line[inside] * width + column[inside] - columns
-        return Returns(
-            (self.shape[0], width),
-            place,
-            self.ray[inside],
-            self.distance[inside],
-            self.power[inside],
-            self.rays,
-        )
+        rest = {name: getattr(self, name)[inside] for name in ("ray", "distance", "power")}
+        return replace(self, shape=(self.shape[0], width), place=place, **rest)
 
 
 @dataclass(frozen=True)

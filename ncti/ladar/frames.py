@@ -132,10 +132,8 @@ def sample_frames(
         false_alarm=false_alarm,
     )
     frames = np.empty((int(frame_count), extent.down_range.size))
-    first = 0
-    for block in blocks:
-        frames[first : first + len(block)] = block
-        first += len(block)
+    for first, block in zip(range(0, len(frames), FRAMES_AT_ONCE), blocks, strict=True):
+        frames[first : first + FRAMES_AT_ONCE] = block
     return frames
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from threading import Lock
-from weakref import WeakKeyDictionary
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render.solid import Solid
+from ncti.render.solid import CACHED_SOLIDS, Solid
 from ncti.ships.shape import Mesh
 from ncti.ships.surfaces import components
 
@@ -71,14 +69,11 @@ class Surfaces:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Surfaces:
-        """Return the surfaces of a mesh, kept as long as its solid is."""
-        solid = Solid.of(mesh)
-        with _lock:
-            if solid not in _kept:
-                _kept[solid] = cls._prepare(solid)
-            return _kept[solid]
+        """Return the surfaces of a mesh, cached like its solid."""
+        return cls._prepare(Solid.of(mesh))
 
     @classmethod
+    @lru_cache(maxsize=CACHED_SOLIDS)
     def _prepare(cls, solid: Solid) -> Surfaces:
         vertices, index = np.unique(solid.vertices, axis=0, return_inverse=True)
         faces, numbers = _distinct_facets(index.reshape(-1)[solid.faces])
@@ -182,7 +177,3 @@ def _merge_coplanar(
     bent = (top - bottom > PLANE_TOLERANCE)[surface]
     surface[bent] = size + np.flatnonzero(bent)
     return np.unique(surface, return_inverse=True)[1].reshape(-1)
-
-
-_kept: WeakKeyDictionary[Solid, Surfaces] = WeakKeyDictionary()
-_lock = Lock()
