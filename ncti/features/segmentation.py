@@ -252,8 +252,8 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
         if chosen.size:
             sets.append((place[chosen], place[chosen] + around[:, None], bar[chosen]))
     unchanged = 0
-    for pixels, neighbours, least in sets * _PASSES:
-        on_ship = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > least
+    for pixels, neighbours, threshold in sets * _PASSES:
+        on_ship = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > threshold
         unchanged = unchanged + 1 if (on_ship == flat.take(pixels)).all() else 0
         if unchanged == len(sets):
             break

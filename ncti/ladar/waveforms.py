@@ -86,11 +86,11 @@ def _add_pair(
 
 
 @compiled
-def accumulate_frames(kept: Singles, total: NDArray[np.float64]) -> None:
+def accumulate_frames(waveforms: Singles, total: NDArray[np.float64]) -> None:
     """Add the receiver output (frame, ifov, bin) to the frames (frame, bin), IFOV by IFOV."""
-    for frame in range(kept.shape[0]):
+    for frame in range(waveforms.shape[0]):
         frame_total = total[frame]
-        for ifov in range(kept.shape[1]):
-            waveform = kept[frame, ifov]
+        for ifov in range(waveforms.shape[1]):
+            waveform = waveforms[frame, ifov]
             for n in range(frame_total.size):
                 frame_total[n] += waveform[n]

@@ -48,10 +48,10 @@ def place(points: Floats, curvature: float, pixel: float, column: float, row: fl
 
 
 @compiled
-def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
+def sampled_facets(positions: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
     """Return the facets, ascending, that face the sensor and have a pixel centre within them.
 
-    `seen` (vertex, 2) are positions of vertices [pixel], `faces` (facet, 3) counter-clockwise from
+    `positions` (vertex, 2) are those of vertices [pixel], `faces` (facet, 3) counter-clockwise from
     outside, `margin` the largest distance by which an engine may move vertices along either axis
     [pixel]. Moved vertices leave a triangle within its Minkowski sum with a square: its bounding
     box, wider by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy
@@ -71,9 +71,9 @@ def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDA
         for e in range(size):
             f = start + e
             i, j, k = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-            batch[0, e], batch[1, e] = seen[i, 0], seen[i, 1]
-            batch[2, e], batch[3, e] = seen[j, 0], seen[j, 1]
-            batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
+            batch[0, e], batch[1, e] = positions[i, 0], positions[i, 1]
+            batch[2, e], batch[3, e] = positions[j, 0], positions[j, 1]
+            batch[4, e], batch[5, e] = positions[k, 0], positions[k, 1]
         # Keep candidates by the bounding box, without an unpredictable branch.
         _mark_facing(batch, size, margin, state)
         candidates = begin
@@ -194,7 +194,7 @@ def _covers(triangle: tuple[Any, ...], row: float) -> bool:
 
 @compiled
 def row_spans(
-    seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
+    positions: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
 ) -> NDArray[np.int64]:
     """Return (row, 2): the first column of each row that may see the ship, and one past the last.
 
@@ -206,9 +206,9 @@ def row_spans(
     reach[:, 0], reach[:, 1] = np.inf, -np.inf
     for f in range(len(faces)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay = seen[i, 0], seen[i, 1]
-        bx, by = seen[j, 0], seen[j, 1]
-        cx, cy = seen[k, 0], seen[k, 1]
+        ax, ay = positions[i, 0], positions[i, 1]
+        bx, by = positions[j, 0], positions[j, 1]
+        cx, cy = positions[k, 0], positions[k, 1]
         first, last = _strip_range(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
         if first == last:  # the whole width of a facet within one strip
             reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
