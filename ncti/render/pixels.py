@@ -120,7 +120,7 @@ def _mark_covering(
     margin: float,
     state: NDArray[np.uint8],
 ) -> None:
-    """Set the state of facets to COVERS, MORE, both or 0 by testing their next rows.
+    """Set the state of facets to COVERS, MORE_ROWS, both or 0 by testing their next rows.
 
     Earlier calls have tested `tested` rows of the facets from `begin` to before `end`; see
     `_mark_facing`.

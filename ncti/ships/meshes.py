@@ -32,7 +32,7 @@ class PlacedMesh:
     """A mesh in the ship frame, and signs that it is not.
 
     `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
-    from outside; `diagnosis` includes the parts below the waterline, and mends the file's
+    from outside; `diagnosis` includes the parts below the waterline, and suggests the file's
     transform; `faults` of the file are corrected.
     """
 
