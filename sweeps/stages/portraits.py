@@ -123,7 +123,7 @@ def about(choices: Choices) -> list[str]:
             f"and {len(lengths)} more ships, {min(lengths):.1f} to {max(lengths):.1f} m long"
         )
     lines += [
-        f"{ship} had {fault}, which {'are' if len(details.faults) > 1 else 'is'} mended"
+        f"{ship} had {fault}, which {'are' if len(details.faults) > 1 else 'is'} corrected"
         for ship, details in ships
         if (fault := " and ".join(details.faults))
     ]
