@@ -21,7 +21,7 @@ from benchmarks.methods import direct_embree
 from benchmarks.reports import Column, Report
 from benchmarks.views import DEPRESSION, EDGES, PULSE_WIDTH
 from ncti.ladar import RangeExtent, range_extent
-from ncti.ladar.pulse import target_response
+from ncti.ladar.pulse import Pulse, target_response
 from ncti.render import Sampling
 from ncti.render.view import ROLL, View
 from studies.run_time.reference import reference_range_extent
@@ -174,7 +174,7 @@ def _exact_extent(mesh: trimesh.Trimesh, aspect: float) -> Floats:
 
 def _error(extent: RangeExtent, exact: Floats) -> float:
     """Return the error of an extent after the pulse."""
-    response = target_response(pulse_width=PULSE_WIDTH, bin_width=1.0) ** 2
+    response = target_response(Pulse(PULSE_WIDTH, 1.0)) ** 2
     area = extent.fraction.sum(axis=0) * (extent.ifov * extent.slant_range) ** 2
     p, q = np.convolve(area, response), np.convolve(exact, response)
     return float(np.abs(p - q).sum() / q.sum())

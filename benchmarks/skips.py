@@ -148,7 +148,7 @@ def name_together(task: Task) -> Array:
     answers = []
     for vigilance in VIGILANCES:
         clustering = cluster(similarities, vigilance=vigilance, max_passes=PASSES)
-        answers.append(clustering.names(task.ship)[clustering.match(similarities)[0]])
+        answers.append(clustering.majority_labels(task.ship)[clustering.match(similarities)[0]])
     return np.array(answers)
 
 
@@ -182,7 +182,7 @@ def facet_skips(mesh: trimesh.Trimesh) -> Iterator[Skip]:
 
 def prepare_surfaces(mesh: trimesh.Trimesh, *, merged: bool) -> Surfaces:
     """Return the surfaces of a mesh, with coplanar facets merged or not."""
-    with patch_constant(surfaces, "ANGLE", surfaces.ANGLE if merged else -1.0):
+    with patch_constant(surfaces, "MAX_ANGLE", surfaces.MAX_ANGLE if merged else -1.0):
         return Surfaces._prepare(Solid.of(mesh))
 
 

@@ -26,7 +26,7 @@ from benchmarks.methods import (
     trimesh_rays,
 )
 from benchmarks.reports import Column, Report, Sample
-from ncti.ladar.pulse import target_kernel
+from ncti.ladar.pulse import Pulse, target_kernel
 from ncti.render import LineImage, available_engines
 from ncti.render.view import View
 from studies.run_time.reference import reference_range_extent
@@ -188,7 +188,7 @@ def _method_processes(
 def _view_row(
     name: str, views: list[TimedView], exact: list[NDArray[np.float64]], pixel: float
 ) -> dict[str, object]:
-    kernel = target_kernel(pulse_width=PULSE_WIDTH, bin_width=1.0, bin_count=len(EDGES) - 1) ** 2
+    kernel = target_kernel(Pulse(PULSE_WIDTH, 1.0), len(EDGES) - 1) ** 2
 
     def errors(response: NDArray[np.float64]) -> Sample:
         pairs = zip((view.profile for view in views), exact, strict=True)

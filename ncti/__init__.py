@@ -67,7 +67,7 @@ __all__ = [
     "simulate",
 ]
 
-OF_DATA = ("dataset", "load_xy", "to_numpy")
+DATA_FUNCTIONS = ("dataset", "load_xy", "to_numpy")
 """Functions of `data` that are here, too."""
 
 
@@ -75,7 +75,7 @@ def __getattr__(name: str) -> Any:
     # Imported on first access, so that using one package does not wait for the others.
     if name in __all__:
         return import_module(f"{__name__}.{name}")
-    if name in OF_DATA:
+    if name in DATA_FUNCTIONS:
         return getattr(import_module(f"{__name__}.data"), name)
     if name == "__version__":
         from importlib.metadata import version
@@ -86,4 +86,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     special = (name for name in globals() if name.startswith("__"))
-    return sorted({*special, *__all__, *OF_DATA, "__version__"})
+    return sorted({*special, *__all__, *DATA_FUNCTIONS, "__version__"})

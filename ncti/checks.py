@@ -112,22 +112,22 @@ def _are_in_bounds(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -
     """Return whether `require` accepts every element, by vectorised checks of the array."""
     if not array.size:
         return True
-    least, most = float(array.min()), float(array.max())  # a NaN is both
-    return _are_bounds_met(least, most, **bounds) and not (whole and (array % 1).any())
+    lowest, highest = float(array.min()), float(array.max())  # a NaN is both
+    return _are_bounds_met(lowest, highest, **bounds) and not (whole and (array % 1).any())
 
 
 def _are_bounds_met(
-    least: float,
-    most: float,
+    lowest: float,
+    highest: float,
     *,
     positive: bool = False,
     minimum: float = -math.inf,
     maximum: float = math.inf,
     below: float = math.inf,
 ) -> bool:
-    """Return whether numbers from `least` to `most` are finite and within their bounds."""
-    finite = -math.inf < least and most < below
-    return finite and minimum <= least and most <= maximum and not (positive and least <= 0)
+    """Return whether numbers from `lowest` to `highest` are finite and within their bounds."""
+    finite = -math.inf < lowest and highest < below
+    return finite and minimum <= lowest and highest <= maximum and not (positive and lowest <= 0)
 
 
 def require_each(name: str, values: Any, length: int, **bounds: Any) -> None:

@@ -87,15 +87,15 @@ class _Announcer(event.Listener):
     def on_start(self, event: Any) -> None:
         """Log the first compilation of a function of this project."""
         function = event.data["dispatcher"].py_func
-        if function.__module__.startswith("ncti.") and not self.said:
-            self.said = True
+        if function.__module__.startswith("ncti.") and not self.was_logged:
+            self.was_logged = True
             place = f" and keeping them in {folder()}" if folder() else ""
             logging.getLogger("ncti").warning("compiling loops%s; this takes some seconds", place)
 
     def on_end(self, event: Any) -> None:
         """Do nothing."""
 
-    said = False
+    was_logged = False
 
 
 announcer = _Announcer()
@@ -107,8 +107,8 @@ def keep(loops: Loops) -> None:
 
     It logs nothing: the caller reports the compilation.
     """
-    before, announcer.said = announcer.said, True
+    before, announcer.was_logged = announcer.was_logged, True
     try:
         loops.call()
     finally:
-        announcer.said = before
+        announcer.was_logged = before

@@ -16,7 +16,7 @@ def labelled_array(dims: str | tuple[str, ...], values: Any, units: str, name: s
     return dims, values, {"units": units, "long_name": name}
 
 
-def data_set(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
+def labelled_dataset(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
     """Return a table of arrays, each with its label and perhaps its unit."""
     import xarray as xr
 

@@ -27,7 +27,7 @@ OBJECTS = {  # what holds several arrays: these, their shapes, and their units
     ),
     "RangeExtent": ("`ncti.ladar.RangeExtent`: `fraction` (ifov, bin), `down_range` (bin,)", "m"),
     "DetectorView": ("`ncti.infrared.DetectorView`", "m"),
-    "Place": ("a pair of numbers", "IFOV"),
+    "IfovOffset": ("a pair of numbers", "IFOV"),
 }
 
 

@@ -26,7 +26,7 @@ from ncti.ladar import (
     range_extent,
     sample_frames,
 )
-from ncti.ladar.pulse import target_kernel
+from ncti.ladar.pulse import Pulse, target_kernel
 from ncti.render import Sampling, drawn_range, line_image
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
@@ -191,11 +191,7 @@ def _pulse(extent: RangeExtent) -> Floats:
 
     From finer bins, it takes those with the centres of bins of 1 m.
     """
-    kernel = target_kernel(
-        pulse_width=SIGNAL["pulse_width"],
-        bin_width=extent.bin_width,
-        bin_count=extent.down_range.size,
-    )
+    kernel = target_kernel(Pulse(SIGNAL["pulse_width"], extent.bin_width), extent.down_range.size)
     power: Floats = kernel**2 @ extent.density.sum(axis=0)
     return power if extent.bin_width == 1.0 else power[FINER_BINS // 2 :: FINER_BINS]
 
@@ -219,7 +215,7 @@ def _reference_error(views: Views, sampler: Callable[[str, float], RangeExtent])
     """Return the error of extents against the sampling-free reference."""
     edges = np.arange(-125.0, 126.0)
     estimated, exact = [], []
-    power = target_kernel(pulse_width=SIGNAL["pulse_width"], bin_width=1.0, bin_count=250) ** 2
+    power = target_kernel(Pulse(SIGNAL["pulse_width"], 1.0), 250) ** 2
     for ship, aspect in views.ship_aspects(views.references):
         mesh, view = ncti.ships.load(ship), {"depression": DEPRESSION, "slant_range": SLANT_RANGE}
         area = reference_range_extent(mesh, aspect=aspect, bin_edges=edges, **view).area[0]

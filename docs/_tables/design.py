@@ -25,7 +25,7 @@ from ncti.ladar import (
     range_extent,
     sample_frames,
 )
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_by_lag
+from ncti.ladar.pulse import SPEED_OF_LIGHT, Pulse, noise_by_lag
 from ncti.render import line_image
 
 FRAMES = 4000
@@ -72,7 +72,7 @@ def precision(*, cnr: float, pulse_width: float) -> float:
     """
     length = SPEED_OF_LIGHT * pulse_width
     bins = length / math.sqrt(2)  # N_z of bins of 1 m
-    variance = float(noise_by_lag(pulse_width=pulse_width, bin_width=1.0, bin_count=1)[0])
+    variance = float(noise_by_lag(Pulse(pulse_width, 1.0), 1)[0])
     return length / 4 * math.sqrt(variance * bins / (2 * cnr))
 
 

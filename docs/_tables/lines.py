@@ -17,7 +17,7 @@ from benchmarks.reports import Column, Report, Sample, cache_size, copy_rate
 from benchmarks.timing import patch_constant, time_in_turn
 from benchmarks.views import DEPRESSION
 from ncti.ladar import RangeExtent, range_extent
-from ncti.ladar.pulse import target_kernel
+from ncti.ladar.pulse import Pulse, target_kernel
 from ncti.render import Sampling, drawn_range, threads
 from ncti.render.choice import choose_engine
 from ncti.render.far_field import reach_of
@@ -167,7 +167,7 @@ def _errors(extent: RangeExtent, exact: Any) -> dict[str, float]:
     area = extent.fraction.sum(axis=0) * (extent.ifov * extent.slant_range) ** 2
     errors = {"said": 100 * extent.error_after(min(PULSES) * 1e-9)}
     for pulse in PULSES:
-        power = target_kernel(pulse_width=pulse * 1e-9, bin_width=1.0, bin_count=area.size) ** 2
+        power = target_kernel(Pulse(pulse * 1e-9, 1.0), area.size) ** 2
         p, q = power @ area, power @ exact
         errors[f"error_{pulse:g}"] = float(100 * np.abs(p - q).sum() / q.sum())
     return errors

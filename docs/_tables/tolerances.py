@@ -19,7 +19,7 @@ import ncti.ships
 from benchmarks.reports import Column, Report, Sample
 from benchmarks.timing import patch_constant
 from ncti.ladar import Beam, RangeExtent, extent_within, pixels, range_extent, sampling
-from ncti.ladar.pulse import target_response
+from ncti.ladar.pulse import Pulse, target_response
 from ncti.render import View, available_engines, line_image, range_image, threads
 from studies.run_time.reference import reference_range_extent
 
@@ -186,7 +186,8 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
         # OpenGL is bound to one engine in a process.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
             rows += pool.submit(_pixel_rows, engine, drawn, exact).result()
-    factors = sampling.PIXELS * np.quantile([row.pop("ratios") for row in rows], [0.95, 0.98])
+    ratios = np.quantile([row.pop("ratios") for row in rows], [0.95, 0.98])
+    factors = sampling.PIXEL_FACTOR * ratios
     return Report(
         f"Bounds that images of pixels state, in {views} random views: any aspect, depression 0.5 "
         "to 60 deg, 1 to 200 km, 0 to 60 ns, bins 0.25 to 4 m",
@@ -203,7 +204,7 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
             "Error: sum of absolute differences from the sampling-free reference at the range over "
             "its sum, after the pulse. Time: processor time of binning every second row and column "
             "and of the bound, over that of drawing the view and its range extent; median. The "
-            f"factor of the bound is {sampling.PIXELS:g}; {factors[0]:.2f} would cover 95 % of all "
+            f"factor of the bound is {sampling.PIXEL_FACTOR:g}; {factors[0]:.2f} would cover 95 % of all "
             f"these errors, and {factors[1]:.2f} 98 %."
         ],
     )
@@ -276,7 +277,7 @@ def _error(extent: RangeExtent, case: ViewCase, exact: Floats) -> float:
 def _after_pulse(area: Floats, case: ViewCase) -> Floats:
     if case.pulse_width == 0.0:
         return area
-    response = target_response(pulse_width=case.pulse_width, bin_width=case.bin_width) ** 2
+    response = target_response(Pulse(case.pulse_width, case.bin_width)) ** 2
     return np.convolve(area, response)
 
 

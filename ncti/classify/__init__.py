@@ -45,7 +45,6 @@ _DEFINED_IN = {
 
 
 def __getattr__(name: str) -> Any:
-    # Imported on first access, because scikit-learn takes a second to import.
     if name not in _DEFINED_IN:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f"{__name__}.{_DEFINED_IN[name]}"), name)

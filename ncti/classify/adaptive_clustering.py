@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ncti.classify.clustering import Similarities, cluster, move_categories
 from ncti.classify.constraints import Interval, fit_context
-from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, unit_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -56,7 +56,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
 
     See Also
     --------
-    cluster : Its training, on cosines that further vigilances and orders share.
+    cluster : Trains categories from precomputed cosines, shared between vigilances and orders.
     ncti.features.profile_vector : Profiles as vectors.
     ncti.evaluate.category_formation : Categories by ship and aspect.
 
@@ -168,9 +168,9 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
             )
 
         self.labels_ = clustering.labels
-        self.categories_ = clustering.traces(similarities)
+        self.categories_ = clustering.category_vectors(similarities)
         self.n_categories_ = len(self.categories_)
-        self.category_labels_ = self.classes_[clustering.names(class_of_sample)]
+        self.category_labels_ = self.classes_[clustering.majority_labels(class_of_sample)]
         return self
 
     def match(self, X: ArrayLike, *, learning: bool = False) -> tuple[Indices, Floats]:
@@ -197,8 +197,8 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         if learning:
             return self.follower()(X)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
-        directions, lengths = polar(vectors)
-        cosines = directions @ polar(self.categories_)[0].T
+        directions, lengths = unit_vectors(vectors)
+        cosines = directions @ unit_vectors(self.categories_)[0].T
         category = cosines.argmax(axis=1)
         similarity = np.take_along_axis(cosines, category[:, None], axis=1)[:, 0]
         category[lengths == 0] = NO_CATEGORY
@@ -211,7 +211,7 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
         be presented in several calls.
         """
         check_is_fitted(self)
-        directions, sizes = polar(self.categories_)
+        directions, sizes = unit_vectors(self.categories_)
 
         def match(X: ArrayLike) -> tuple[Indices, Floats]:
             vectors = validate_data(self, X, dtype=np.float64, reset=False)

@@ -148,7 +148,7 @@ def mean_correlation(bands: ArrayLike) -> Floats:
 
 def whiten(factor: Floats, columns: Floats) -> Floats:
     """Return L^-1 times (bin, column) columns, with L a lower band."""
-    from ncti.classify.whitening import solve_band  # numba takes long to import
+    from ncti.classify.whitening import solve_band
 
     return solve_band(np.ascontiguousarray(factor), np.ascontiguousarray(columns.T)).T
 
@@ -186,7 +186,7 @@ def densities(
     to be inverted, once per number of frames. Averages are whitened once for all places: their
     products with the steps give the products at any other place.
     """
-    from ncti.classify.whitening import band_products  # numba takes long to import
+    from ncti.classify.whitening import band_products
 
     squared, along = band_products(*map(np.ascontiguousarray, (factor, samples, mean, unit)))
     gram, deviations = unit.T @ unit, np.asarray(priors)

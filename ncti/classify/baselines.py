@@ -12,12 +12,12 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ncti.checks import require_flags, require_shape
 from ncti.classify.blocks import row_blocks
-from ncti.classify.directions import polar
+from ncti.classify.directions import unit_vectors
 
 NO_TEMPLATE = -1
 
 # Cosines this close count as equal; inner products of some hundred elements round to less.
-TIE = 1e-12
+TIE_TOLERANCE = 1e-12
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -87,7 +87,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         vectors, self.labels_ = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(self.labels_)
         self.classes_ = np.unique(self.labels_)
-        self.templates_, lengths = polar(vectors)
+        self.templates_, lengths = unit_vectors(vectors)
         if not lengths.any():
             raise ValueError("X has only zero vectors, but must have one with a direction")
         self._silent = lengths == 0.0
@@ -107,7 +107,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
             Cosine in [-1, 1]; 0 if either vector is zero.
         """
         check_is_fitted(self)
-        directions, _ = polar(validate_data(self, X, dtype=np.float64, reset=False))
+        directions, _ = unit_vectors(validate_data(self, X, dtype=np.float64, reset=False))
         return np.clip(directions @ self.templates_.T, -1.0, 1.0)
 
     def match(self, X: ArrayLike, *, exclude: ArrayLike = False) -> tuple[Indices, Floats]:
@@ -169,15 +169,15 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
 
         `excluded` (sample or 1, template) flags templates to leave out.
         """
-        directions, lengths = polar(vectors)
+        directions, lengths = unit_vectors(vectors)
         cosines = directions @ self.templates_.T
         hidden = excluded | self._silent
         if hidden.any():
             cosines[np.broadcast_to(hidden, cosines.shape)] = -np.inf
         highest = cosines.max(axis=1)
         answers = (lengths > 0) & (highest > -np.inf)
-        # Only the best cosines are clipped: rounding exceeds 1 by less than `TIE`.
-        template = (cosines >= np.clip(highest, -1.0, 1.0)[:, None] - TIE).argmax(axis=1)
+        # Only the best cosines are clipped: rounding exceeds 1 by less than `TIE_TOLERANCE`.
+        template = (cosines >= np.clip(highest, -1.0, 1.0)[:, None] - TIE_TOLERANCE).argmax(axis=1)
         similarity = np.take_along_axis(cosines, template[:, None], axis=1)[:, 0]
         similarity = np.where(answers, np.clip(similarity, -1.0, 1.0), 0.0)
         return np.where(answers, template, NO_TEMPLATE), similarity

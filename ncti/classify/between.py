@@ -76,10 +76,10 @@ def cells(
     for name, rows in rows_by_label(names, aspects):
         if len(rows) < 2:
             continue
-        slope, bend, before, behind = _parabolas(means[rows], aspects[rows] % CIRCLE, name)
-        moment = (before**3 + behind**3) / (12 * (before + behind))
+        slope, bend, before, after = _parabolas(means[rows], aspects[rows] % CIRCLE, name)
+        moment = (before**3 + after**3) / (12 * (before + after))
         tangent[rows] = np.sqrt(moment)[:, None] * slope
-        step[rows] = (before + behind) / 2
+        step[rows] = (before + after) / 2
         curvature.append((aspects[rows], bend**2))
     if not curvature:
         return TemplateCells(tangent, np.zeros_like(means))
@@ -109,9 +109,9 @@ def alternate_templates(
             left_out[rows[1::2]] = True
     distance = separation(aspects[left_out][:, None], aspects[~left_out])
     distance[names[left_out][:, None] != names[~left_out]] = np.inf
-    beside = np.zeros(distance.shape, dtype=bool)
-    np.put_along_axis(beside, np.argsort(distance, axis=1, kind="stable")[:, :2], True, axis=1)
-    return left_out, beside
+    neighbours = np.zeros(distance.shape, dtype=bool)
+    np.put_along_axis(neighbours, np.argsort(distance, axis=1, kind="stable")[:, :2], True, axis=1)
+    return left_out, neighbours
 
 
 def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
@@ -165,19 +165,19 @@ def _parabolas(
     means: Floats, aspects: Floats, name: object
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return first and second derivatives at ascending aspects, and steps on both sides [deg]."""
-    before, behind, closed = steps(aspects, name)
-    rise = np.diff(means, axis=0) / behind[:-1, None]
+    before, after, closed = steps(aspects, name)
+    rise = np.diff(means, axis=0) / after[:-1, None]
     if closed:
-        last = (means[:1] - means[-1:]) / behind[-1]
+        last = (means[:1] - means[-1:]) / after[-1]
         left, right = np.concatenate([last, rise]), np.concatenate([rise, last])
     else:
         left, right = np.concatenate([rise[:1], rise]), np.concatenate([rise, rise[-1:]])
-    total = (before + behind)[:, None]
-    slope = (left * behind[:, None] + right * before[:, None]) / total
+    total = (before + after)[:, None]
+    slope = (left * after[:, None] + right * before[:, None]) / total
     bend = 2 * (right - left) / total
     if not closed:
         if len(means) >= MIN_CURVED:
             bend[0], bend[-1] = bend[1], bend[-2]
         else:  # so that bend h^2 / 2 is half the difference of the two templates
-            bend = rise[[0, 0]] / behind[0]
-    return slope, bend, before, behind
+            bend = rise[[0, 0]] / after[0]
+    return slope, bend, before, after

@@ -19,15 +19,15 @@ from ncti.classify.fusion import label_posterior, members, posterior_of
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
-FRESH = 1 / 12  # mean squared distance of a new aspect, over the one of a held-out template
-NEARBY = 15.0  # standard deviation of the weight of answers by their distance in aspect [deg]
-ANYWHERE = 0.05  # weight of answers at any distance, relative to those at the same aspect
+NEW_ASPECT_RATIO = 1 / 12  # mean squared distance of a new aspect over that of a held-out one
+ASPECT_SIGMA = 15.0  # spread of the weight of answers by their distance in aspect [deg]
+DISTANT_WEIGHT = 0.05  # weight of answers at any distance, relative to those at the same aspect
 MIN_OUTLIERS = 1e-6
-CERTAIN = 0.999  # largest outlier fraction at a held-out aspect
+MAX_OUTLIERS = 0.999  # largest outlier fraction at a held-out aspect
 BISECTIONS = 40
 STEPS = np.geomspace(1e-4, 1e10, 31)
 """Products of inverse temperature and the spread of scores, searched first."""
-UNLIKE = -1.0  # cosine to excluded templates, below the cosine of any map
+EXCLUDED_COSINE = -1.0  # cosine to excluded templates, below the cosine of any map
 
 Floats = NDArray[np.float64]
 
@@ -65,24 +65,24 @@ def fit_outlier_fraction(
     if not sets:
         return outlier_fraction
     # Probabilities of the true labels of held-out templates, for each gain prior.
-    true = []
+    correct = []
     for out in sets:
         samples, rest = templates.draw_averages(out, frame_count, rng), templates.without(out)
         truth = templates.labels_[out]  # every label keeps templates
         logs = rest.log_likelihood(samples, frame_count, gain_sigma=gains.ravel())
         posteriors = [label_posterior(log, rest.labels_)[1] for log in logs]
-        true.append([posterior[np.arange(len(truth)), truth] for posterior in posteriors])
-    answers = np.concatenate(true, axis=1)
+        correct.append([posterior[np.arange(len(truth)), truth] for posterior in posteriors])
+    answers = np.concatenate(correct, axis=1)
     # Their weights at the aspect of each template.
     held_out = np.concatenate([templates.aspect_[out] for out in sets])
     places, place = np.unique(templates.aspect_, return_inverse=True)
     distance = separation(places[:, None], held_out)
-    weight = ANYWHERE + np.exp(-((distance / NEARBY) ** 2) / 2)
+    weight = DISTANT_WEIGHT + np.exp(-((distance / ASPECT_SIGMA) ** 2) / 2)
     labels = len(templates.classes_)
     for g, answer in enumerate(answers):
         fraction = likely_outlier_fraction(answer, labels, weight, added=weight.mean(axis=1))
-        fresh = -np.expm1(FRESH * np.log1p(-np.minimum(fraction, CERTAIN)))
-        outlier_fraction.reshape(-1, len(place))[g] = fresh[place]
+        at_new_aspects = -np.expm1(NEW_ASPECT_RATIO * np.log1p(-np.minimum(fraction, MAX_OUTLIERS)))
+        outlier_fraction.reshape(-1, len(place))[g] = at_new_aspects[place]
     return outlier_fraction
 
 
@@ -96,15 +96,15 @@ def likely_outlier_fraction(
     e in [1e-6, 1] maximises the weighted sum of log((1 - e) p + e / labels), which is concave, by
     bisection of its derivative.
     """
-    more = np.broadcast_to(added, weight.shape[:-1])[..., None]
-    weights = np.concatenate([weight, more, more], axis=-1)
+    extra = np.broadcast_to(added, weight.shape[:-1])[..., None]
+    weights = np.concatenate([weight, extra, extra], axis=-1)
     answers = np.append(probability, [1.0, 0.0])
-    lost = 1 / labels - answers
-    rise = weights * lost
+    losses = 1 / labels - answers
+    slopes = weights * losses
     low, high = (np.full(weights.shape[:-1], end) for end in (MIN_OUTLIERS, 1.0))
     for _ in range(BISECTIONS):
         middle = np.sqrt(low * high)
-        rising = (rise / (answers + middle[..., None] * lost)).sum(axis=-1) > 0
+        rising = (slopes / (answers + middle[..., None] * losses)).sum(axis=-1) > 0
         low, high = np.where(rising, middle, low), np.where(rising, high, middle)
     return high
 
@@ -128,18 +128,18 @@ def fit_temperature_and_outliers(
     (Platt, in Advances in Large Margin Classifiers, MIT Press 1999).
     """
     values, names = require_all("scores", scores), require_labels("labels", labels)
-    true, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
-    require_shape("weight", weights, (), true.shape)
-    weights = np.broadcast_to(weights, true.shape)
+    truths, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
+    require_shape("weight", weights, (), truths.shape)
+    weights = np.broadcast_to(weights, truths.shape)
     classes, _ = label_posterior(values, names)
-    if true.shape != values.shape[:1] or not true.size or not np.isin(true, classes).all():
+    if truths.shape != values.shape[:1] or not truths.size or not np.isin(truths, classes).all():
         raise ValueError(
-            f"truth has shape {true.shape}, but must be one label of a template for each of "
+            f"truth has shape {truths.shape}, but must be one label of a template for each of "
             f"{len(values)} samples, one or more"
         )
     pieces = [partial(values.__getitem__, rows) for rows in row_blocks(len(values))]
     return _fit_by_pieces(
-        pieces, np.searchsorted(classes, names), np.searchsorted(classes, true), weights
+        pieces, np.searchsorted(classes, names), np.searchsorted(classes, truths), weights
     )
 
 
@@ -172,7 +172,6 @@ def _fit_by_pieces(
         mixed = (1 - outlier_fraction) * answers + outlier_fraction / classes
         return outlier_fraction, -float(np.append(weights, [1.0, 1.0]) @ np.log(mixed))
 
-    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
     def loss(log_inverse_temperature: float) -> float:
@@ -204,9 +203,10 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     def piece(phase: int, rows: slice, left_out: bool) -> Floats:
         """Return rows of scores, with or without the templates of their own aspects."""
         similarity = values[phase, rows].astype(np.float64)
-        return np.where(place[rows, None] == place, UNLIKE, similarity) if left_out else similarity
+        excluded = left_out & (place[rows, None] == place)
+        return np.where(excluded, EXCLUDED_COSINE, similarity)
 
-    weight = np.repeat([1 - FRESH, FRESH], (phases - 1) * views)
+    weight = np.repeat([1 - NEW_ASPECT_RATIO, NEW_ASPECT_RATIO], (phases - 1) * views)
     truth = np.tile(names, 2 * (phases - 1))
     constants = np.empty((2, phases))
     for phase in range(phases):

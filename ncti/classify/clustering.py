@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_shape
 from ncti.classify.blocks import ROWS
-from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, SAME_DIRECTION, unit_vectors
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -70,11 +70,11 @@ class Similarities:
                 f"training has shape {learned.shape}, but must be (sample, feature) with at least "
                 "one of each"
             )
-        directions, lengths = polar(learned)
+        directions, lengths = unit_vectors(learned)
         if not lengths.any():
             raise ValueError("training has only zero vectors, but must have one with a direction")
-        none = np.zeros((0, min(learned.shape)))
-        similarities = cls(directions, lengths, none, np.zeros(0, dtype=bool))
+        no_tests = np.zeros((0, min(learned.shape)))
+        similarities = cls(directions, lengths, no_tests, np.zeros(0, dtype=bool))
         return similarities if tests is None else similarities.with_tests(tests)
 
     def with_tests(self, tests: ArrayLike) -> Similarities:
@@ -90,7 +90,7 @@ class Similarities:
             raise ValueError(
                 f"tests has shape {vectors.shape}, but must be (test, {self.directions.shape[1]})"
             )
-        directions, sizes = polar(vectors)
+        directions, sizes = unit_vectors(vectors)
         return replace(self, test=self.products(directions), answers=sizes > 0)
 
     @property
@@ -150,7 +150,7 @@ class Clustering:
     >>> vectors = np.array([[1.0, 0.1], [0.2, 1.0], [1.0, 0.2], [0.1, 1.0]])
     >>> similarities = Similarities.of(vectors, tests=[[3.0, 1.0]])
     >>> clustering = cluster(similarities, vigilance=0.95)
-    >>> clustering.names(np.array([7, 8, 7, 8]))
+    >>> clustering.majority_labels(np.array([7, 8, 7, 8]))
     array([7, 8])
     >>> category, cosine = clustering.match(similarities)
     >>> category, cosine.round(2)
@@ -163,7 +163,7 @@ class Clustering:
     passes: int
     converged: bool
 
-    def names(self, classes: Indices) -> Indices:
+    def majority_labels(self, classes: Indices) -> Indices:
         """Return the most frequent class in each category, (category,), from (sample,) classes."""
         numbers = require_all("classes", classes, whole=True, minimum=0, below=2**31).astype(
             np.intp
@@ -174,7 +174,7 @@ class Clustering:
         np.add.at(votes, (self.labels[matched], numbers[matched]), 1)
         return votes.argmax(axis=1)
 
-    def first_names(self, classes: Indices, order: Indices) -> Indices:
+    def first_labels(self, classes: Indices, order: Indices) -> Indices:
         """Return the class of the vector presented first in each category, (category,).
 
         Classes are (sample,) integers, and the order is that given to `cluster`.
@@ -183,7 +183,7 @@ class Clustering:
         _, first = np.unique(self.labels[presented], return_index=True)
         return classes[presented[first]]
 
-    def traces(self, similarities: Similarities) -> Floats:
+    def category_vectors(self, similarities: Similarities) -> Floats:
         """Return the (category, feature) categories W formed from these similarities."""
         directions = similarities.directions
         weights = self.weights if similarities.has_few_features else self.weights @ directions
@@ -272,48 +272,70 @@ def cluster(
     blocks = [np.arange(count)] if few else np.split(presented, range(BLOCK, len(presented), BLOCK))
     width = min(count, BLOCK)
     singles = _single_sample_rows(similarities, blocks, width)
-    rows = np.zeros((32, singles[0].shape[1]))
-    lengths: list[float] = []
-    threshold = min(vigilance, SAME_DIRECTION)
+    categories = _Categories(singles[0].shape[1], min(vigilance, SAME_DIRECTION), learning_rate)
     assigned: list[int] = []
     passes, converged = 0, False
     while not converged and passes < max_passes:
-        # One pass: each vector joins its best match above the threshold, or founds a category.
         previous, assigned = assigned, []
         for block, single in zip(blocks, singles, strict=True):
-            size, categories = len(block), rows[: len(lengths)]
-            if lengths and not few:
+            if not few:
                 directions = similarities.products(similarities.directions[block])
-                categories[:, :size] = categories[:, width:] @ directions.T
-            positions = presented if few else np.arange(size)
+                rows = categories.rows[: len(categories.lengths)]
+                rows[:, : len(block)] = rows[:, width:] @ directions.T
+            positions = presented if few else np.arange(len(block))
             sizes = similarities.lengths[block[positions]]
             for i, length in zip(positions.tolist(), sizes.tolist(), strict=True):
-                cosines = rows[: len(lengths), i]
-                k = int(cosines.argmax()) if lengths else NO_CATEGORY
-                if lengths and cosines[k] > threshold:
-                    retained = (1.0 - learning_rate) * lengths[k]
-                    share = learning_rate * length / (retained + learning_rate * length)
-                    row = rows[k]
-                    norm = (1 - share) ** 2 + share**2 + 2 * share * (1 - share) * float(cosines[k])
-                    norm = max(norm, 0.0) ** 0.5
-                    scale = 1.0 / norm if norm > 0.0 else 1.0  # zero if opposite vectors cancel
-                    row *= (1.0 - share) * scale
-                    row += (share * scale) * single[i]
-                    lengths[k] = (retained + learning_rate * length) * norm
-                else:
-                    k = len(lengths)
-                    if k == len(rows):
-                        rows = np.concatenate([rows, np.zeros_like(rows)])
-                    rows[k] = single[i]
-                    lengths.append(length)
-                assigned.append(k)
+                assigned.append(categories.learn(i, length, single[i]))
         passes += 1
         converged = assigned == previous
     # A category that lost all its vectors has no label and is dropped.
     live, category = np.unique(assigned, return_inverse=True)
     labels = np.full(count, NO_CATEGORY)
     labels[presented] = category
-    return Clustering(labels, rows[live, width:], np.array(lengths)[live], passes, converged)
+    weights, lengths = categories.rows[live, width:], np.array(categories.lengths)[live]
+    return Clustering(labels, weights, lengths, passes, converged)
+
+
+class _Categories:
+    """Categories in training.
+
+    A row of `rows` holds the cosines of a category to a block of samples, then its coordinates,
+    which follow the same rule; rows from ``len(lengths)`` on are free.
+    """
+
+    def __init__(self, columns: int, threshold: float, learning_rate: float) -> None:
+        self.rows = np.zeros((32, columns))
+        self.lengths: list[float] = []
+        self.threshold, self.learning_rate = threshold, learning_rate
+
+    def learn(self, sample: int, length: float, single: Floats) -> int:
+        """Return the category of a sample: its best match above the threshold, or a new one.
+
+        `sample` is its column in `rows`, and `single` the row of a category of this sample alone.
+        """
+        if self.lengths:
+            cosines = self.rows[: len(self.lengths), sample]
+            k = int(cosines.argmax())
+            if cosines[k] > self.threshold:
+                self._move(k, float(cosines[k]), length, single)
+                return k
+        if len(self.lengths) == len(self.rows):
+            self.rows = np.concatenate([self.rows, np.zeros_like(self.rows)])
+        self.rows[len(self.lengths)] = single
+        self.lengths.append(length)
+        return len(self.lengths) - 1
+
+    def _move(self, k: int, cosine: float, length: float, single: Floats) -> None:
+        """Move category `k` towards a sample with this cosine and length."""
+        retained = (1.0 - self.learning_rate) * self.lengths[k]
+        share = self.learning_rate * length / (retained + self.learning_rate * length)
+        norm = (1 - share) ** 2 + share**2 + 2 * share * (1 - share) * cosine
+        norm = max(norm, 0.0) ** 0.5
+        scale = 1.0 / norm if norm > 0.0 else 1.0  # zero if opposite vectors cancel
+        row = self.rows[k]
+        row *= (1.0 - share) * scale
+        row += (share * scale) * single
+        self.lengths[k] = (retained + self.learning_rate * length) * norm
 
 
 def move_categories(
@@ -327,7 +349,7 @@ def move_categories(
     """
     category = np.full(len(vectors), NO_CATEGORY)
     cosine = np.zeros(len(vectors))
-    for i, (x, length) in enumerate(zip(*polar(vectors), strict=True)):
+    for i, (x, length) in enumerate(zip(*unit_vectors(vectors), strict=True)):
         if length == 0.0:
             continue
         cosines = directions @ x
@@ -362,10 +384,9 @@ def _presentation_order(similarities: Similarities, order: Indices | None) -> In
 def _single_sample_rows(
     similarities: Similarities, blocks: list[Indices], width: int
 ) -> list[Floats]:
-    """Return the rows of single-sample categories, block by block.
+    """Return the rows of single-sample categories, as of `_Categories`, block by block.
 
-    A row holds the cosines of a category to a block of samples, then its coordinates, which follow
-    the same rule and are updated together. Few samples are one block.
+    Few samples are one block.
     """
     coordinates = similarities.coordinates
     singles = []

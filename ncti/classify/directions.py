@@ -15,7 +15,7 @@ SAME_DIRECTION = 1.0 - 1e-12
 Floats = NDArray[np.float64]
 
 
-def polar(vectors: Floats) -> tuple[Floats, Floats]:
+def unit_vectors(vectors: Floats) -> tuple[Floats, Floats]:
     """Return unit directions and lengths of the rows; both are 0 for a zero row.
 
     Rows are scaled by their largest element first, so that no square over- or underflows. Lengths

@@ -29,8 +29,8 @@ from ncti.classify.constraints import Interval, fit_context
 from ncti.classify.fusion import label_posterior
 
 UNKNOWN_ERROR = 1.0  # with too few templates to leave some out: the residual's full scale
-CALIBRATED_AT = 16  # frames in the averages used for calibration
-WITHIN = 1e-4, 1e2  # bounds of the template error
+CALIBRATION_FRAMES = 16  # frames in the averages used for calibration
+ERROR_BOUNDS = 1e-4, 1e2  # bounds of the template error
 MAX_PRIOR = 1e6  # of any prior: flat compared to the likelihood, with a finite square
 
 Floats = NDArray[np.float64]
@@ -399,10 +399,10 @@ class GaussianTemplates(BaseEstimator):
         return self.classes_[best]
 
     def draw_averages(
-        self, which: NDArray[np.bool_], frames: int, rng: np.random.Generator
+        self, chosen: NDArray[np.bool_], frames: int, rng: np.random.Generator
     ) -> Floats:
         """Return (sample, bin) averages, one from each chosen template, at a random place."""
-        factors, means = self.cholesky_[which], self.mean_[which]
+        factors, means = self.cholesky_[chosen], self.mean_[chosen]
         noise = rng.standard_normal((len(factors), means.shape[2]))
         deviations = np.array([colour(*pair) for pair in zip(factors, noise, strict=True)])
         place = rng.integers(means.shape[1], size=len(means))
@@ -429,27 +429,26 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
     It maximises the mean log density of averages of 16 frames from every second template of a
     label, under its two neighbours of the same label. It is 1 if no label has five templates.
     """
-    # Imported here because scipy.optimize takes half a second.
     from scipy.optimize import minimize_scalar
 
-    out, beside = alternate_templates(templates.labels_, templates.aspect_)
+    out, neighbours = alternate_templates(templates.labels_, templates.aspect_)
     if not out.any():
         return UNKNOWN_ERROR
-    samples, rest = templates.draw_averages(out, CALIBRATED_AT, rng), templates.without(out)
+    samples, rest = templates.draw_averages(out, CALIBRATION_FRAMES, rng), templates.without(out)
     priors = np.array([[templates.gain_sigma, templates.floor_sigma]])
-    answering = [(t, rows) for t, rows in enumerate(beside.T) if rows.any()]
+    answering = [(t, rows) for t, rows in enumerate(neighbours.T) if rows.any()]
 
     def negative_log_likelihood(log_error: float) -> float:
         """Return the mean negative log density of the averages."""
         rest.template_error_ = math.exp(log_error)
-        logs = np.full(beside.shape, -np.inf)
+        logs = np.full(neighbours.shape, -np.inf)
         for t, rows in answering:
-            frames = np.full(rows.sum(), float(CALIBRATED_AT))
+            frames = np.full(rows.sum(), float(CALIBRATION_FRAMES))
             logs[rows, t] = rest.density(t, samples[rows], frames, priors)[0]
         return -float(np.logaddexp.reduce(logs, axis=1).mean())
 
-    bounds = tuple(map(math.log, WITHIN))
-    least = minimize_scalar(
+    bounds = tuple(map(math.log, ERROR_BOUNDS))
+    optimum = minimize_scalar(
         negative_log_likelihood, bounds=bounds, method="bounded", options={"xatol": 0.05}
     )
-    return math.exp(float(least.x))
+    return math.exp(float(optimum.x))

@@ -9,7 +9,7 @@ from ncti.machine_code import Loops
 
 def _whiten() -> None:
     """Call both loops, which compiles them."""
-    from ncti.classify.bands import densities, whiten  # scipy takes long to import
+    from ncti.classify.bands import densities, whiten
 
     whiten(np.ones((1, 1)), np.ones((1, 1)))
     densities(*(np.ones((1, 1)),) * 3, np.ones(1), np.ones(1), np.ones((1, 1)))

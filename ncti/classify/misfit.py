@@ -21,7 +21,6 @@ def log_fit(scores: ArrayLike, peak: ArrayLike, bins: int) -> Floats:
     included, is true. Too large a template error makes probabilities too large, and keeps their
     order. Below 1e-290 the first terms of the asymptotic series replace the upper tail.
     """
-    # Imported where it is used: scipy.special takes a fifth of a second.
     from scipy.special import gammaincc, gammaln
 
     values = require_all("scores", scores)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all, require_labels
 from ncti.classify.between import CIRCLE, rows_by_label, steps
 
-EXACT = 1e-3  # a smaller error of the track [deg] counts as this one
+MIN_DEVIATION = 1e-3  # a smaller error of the track [deg] counts as this one
 
 Floats = NDArray[np.float64]
 
@@ -61,27 +61,26 @@ def aspect_prior(
     [[0.   0.93 0.07 0.  ]]
     [[0.17 0.2  0.18 0.13]]
     """
-    # Imported where it is used: scipy.special takes a fifth of a second.
     from scipy.special import log_ndtr
 
     angles = require_all("aspect", aspect)
     names = require_labels("labels", labels)
     reported = require_all("tracked", tracked)
     require("sigma", sigma, minimum=0.0, maximum=1e6)
-    deviation = max(sigma, EXACT)
+    deviation = max(sigma, MIN_DEVIATION)
     if angles.ndim != 1 or names.shape != angles.shape or reported.ndim != 1:
         raise ValueError(
             f"aspect has shape {angles.shape}, but must be (template,) as the labels, "
             f"{names.shape}, and tracked (sample,), not {reported.shape}"
         )
-    before, behind = np.full((2, len(angles)), CIRCLE)
+    before, after = np.full((2, len(angles)), CIRCLE)
     for name, rows in rows_by_label(names, angles):
         if len(rows) > 1:
-            before[rows], behind[rows], _ = steps(angles[rows] % CIRCLE, name)
+            before[rows], after[rows], _ = steps(angles[rows] % CIRCLE, name)
     offset = (angles - reported[:, None] + CIRCLE / 2) % CIRCLE - CIRCLE / 2
     turns = np.array([0.0, -CIRCLE, CIRCLE])[:, None, None]
-    low, high = (offset - before / 2 + turns) / deviation, (offset + behind / 2 + turns) / deviation
+    low, high = (offset - before / 2 + turns) / deviation, (offset + after / 2 + turns) / deviation
     # Use the smaller of the two tails, so that nothing cancels far from the report.
     low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
-    most, least = log_ndtr(high), log_ndtr(low)
-    return np.logaddexp.reduce(most + np.log(-np.expm1(least - most)))
+    log_upper, log_lower = log_ndtr(high), log_ndtr(low)
+    return np.logaddexp.reduce(log_upper + np.log(-np.expm1(log_lower - log_upper)))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-OF_VIEW = ("ship", "variant", "aspect", "depression", "slant_range", "pulse_width", "cnr")
+VIEW_KEYS = ("ship", "variant", "aspect", "depression", "slant_range", "pulse_width", "cnr")
 
 
 def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
@@ -60,7 +60,6 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
     >>> table.sizes["view"], table["mean"].dims
     (2, ('view', 'place', 'down_range'))
     """
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     views, first = np.unique(rows.view.values, return_index=True)
@@ -71,7 +70,7 @@ def moments(rows: xr.Dataset, *, places: int = TEMPLATE_PLACES) -> xr.Dataset:
         target[: len(band)] = band
     coords = {
         name: ("view", rows[name].values[first], rows[name].attrs)
-        for name in OF_VIEW
+        for name in VIEW_KEYS
         if name in rows.coords
     }
     coords["view"] = ("view", views, rows.view.attrs)
@@ -94,7 +93,7 @@ def _moments(row: xr.Dataset, places: int) -> tuple[list[Floats], Floats]:
     """Return the means (bin,) of a view at `places` places, and its covariance (lag, bin)."""
     centres, attributes = row.down_range.values, row.attrs
     bin_width = float(centres[1] - centres[0])
-    aspect, depression, slant_range, pulse_width, cnr = (float(row[name]) for name in OF_VIEW[2:])
+    aspect, depression, slant_range, pulse_width, cnr = (float(row[name]) for name in VIEW_KEYS[2:])
     mesh = mesh_of(row["variant" if "variant" in row.coords else "ship"].item())
     beam = Beam(attributes["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
     signal = vars(Signal(pulse_width, power_ratio(cnr), attributes["target_free_ifovs"]))

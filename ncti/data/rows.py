@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ncti.checks import require
 from ncti.data.draws import Bounds, sampler, uniform_numbers
 from ncti.data.views import (
-    OF_ROWS,
-    OF_VIEWS,
-    PLACE,
+    IFOV_OFFSET,
+    ROW_STREAM,
     SENSORS,
     VIEW,
+    VIEW_STREAM,
     Arrays,
     Recipe,
     equal_rows,
@@ -32,13 +32,12 @@ from ncti.infrared import IFOV, Imager
 from ncti.infrared.imager import IMAGER
 from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
-from ncti.ladar.budget import LOUDEST, carrier_to_noise
+from ncti.ladar.budget import MAX_DECIBELS, carrier_to_noise
 from ncti.ladar.extent import bin_centres
-from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.window import check_window
-from ncti.render.far_field import NEGLIGIBLE, reach_of
+from ncti.render.far_field import NEGLIGIBLE
 from ncti.render.flight import DEPRESSION
-from ncti.simulate.profiles import MAX_PULSE_WIDTH
+from ncti.simulate.profiles import pulse_bounds
 from ncti.simulate.subject import (
     MAX_SLANT_RANGE,
     MIN_SLANT_RANGE,
@@ -51,7 +50,7 @@ from ncti.simulate.subject import (
 if TYPE_CHECKING:
     import xarray as xr
 
-ANYWHERE = "random"
+RANDOM = "random"
 MAX_ROWS = 10_000_000  # per call: 10 GB of profiles
 MAX_FRAMES = 10_000
 NUMBERS = {
@@ -92,7 +91,7 @@ VARIABLES = {
     "expected": (BINS, "expected range profile, noise floor included"),
     "silhouette": (("row", "angle", "radius"), "log-polar map of the segmented silhouette, 255ths"),
 }
-OF_RADAR: dict[str, Any] = {
+RADAR_DEFAULTS: dict[str, Any] = {
     "pulse_width": Signal.pulse_width,
     "cnr": None,
     "gain": 1.0,
@@ -101,7 +100,7 @@ OF_RADAR: dict[str, Any] = {
 }
 """Arguments that only a laser radar has, and their defaults."""
 
-ONLY_RADAR = (*OF_RADAR, *PLACE, "error_bound")
+RADAR_COORDINATES = (*RADAR_DEFAULTS, *IFOV_OFFSET, "error_bound")
 """Coordinates that only rows of a laser radar have."""
 
 
@@ -113,14 +112,14 @@ def dataset(
     first: int = 0,
     workers: int = 1,
     sensor: str = "range",
-    aspect: Any = ANYWHERE,
+    aspect: Any = RANDOM,
     depression: Any = DEPRESSION,
     slant_range: Any = 100e3,
-    pulse_width: Any = OF_RADAR["pulse_width"],
-    cnr: Any = OF_RADAR["cnr"],
+    pulse_width: Any = RADAR_DEFAULTS["pulse_width"],
+    cnr: Any = RADAR_DEFAULTS["cnr"],
     frames: Any = 16,
-    gain: Any = OF_RADAR["gain"],
-    floor: Any = OF_RADAR["floor"],
+    gain: Any = RADAR_DEFAULTS["gain"],
+    floor: Any = RADAR_DEFAULTS["floor"],
     rows_per_view: int = 25,
     ifov: float = IFOV,
     bin_width: float = Beam.bin_width,
@@ -128,7 +127,7 @@ def dataset(
     target_free_ifovs: int = Signal.target_free_ifovs,
     spacing: float = SPACING,
     far_field_error: float = NEGLIGIBLE,
-    expected: bool = OF_RADAR["expected"],
+    expected: bool = RADAR_DEFAULTS["expected"],
     imager: Imager = IMAGER,
     super_resolution: str = "none",
 ) -> xr.Dataset:
@@ -265,7 +264,7 @@ def dataset(
     drawable = view_arguments | radar_arguments | {"frames": frames, "bin_width": bin_width}
     rows = np.arange(first, first + count)
     drawn = parameters(rows, len(names), seed=seed, rows_per_view=rows_per_view, **drawable)
-    _check_views(recipe, names, drawn)
+    _check_views(recipe, drawn)
     arrays = _simulate_batches(recipe, drawn, workers)
     drawn["ship"] = np.array(names)[drawn["ship"]]
     return _labelled_rows(recipe, drawn | arrays, rows_per_view)
@@ -286,7 +285,8 @@ def _integers(**numbers: float) -> list[int]:
 def _check_unused(arguments: dict[str, Any]) -> None:
     """Raise `ValueError` for arguments of the laser radar in a data set without it."""
     for name, value in arguments.items():
-        if value is not OF_RADAR[name] and not (np.isscalar(value) and value == OF_RADAR[name]):
+        default = RADAR_DEFAULTS[name]
+        if value is not default and not (np.isscalar(value) and value == default):
             raise ValueError(
                 f"{name} is {value!r:.60}, but must not be given without a laser radar"
             )
@@ -294,13 +294,12 @@ def _check_unused(arguments: dict[str, Any]) -> None:
 
 def _bounds(bin_width: float) -> dict[str, Bounds]:
     """Return the bounds of parameters by name, those of views before those of rows."""
-    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # a margin for rounding
     return {
         "aspect": Bounds(-360.0, 360.0),
         "depression": Bounds(0.0, 90.0),
         "slant_range": Bounds(MIN_SLANT_RANGE, MAX_SLANT_RANGE),
-        "pulse_width": Bounds(shortest, max(MAX_PULSE_WIDTH, shortest)),
-        "cnr": Bounds(-LOUDEST, LOUDEST),
+        "pulse_width": Bounds(*pulse_bounds(bin_width)),
+        "cnr": Bounds(-MAX_DECIBELS, MAX_DECIBELS),
         "frames": Bounds(1, MAX_FRAMES, whole=True),
         "gain": Bounds(0.0, 1000.0),
         "floor": Bounds(-1000.0, 1000.0),
@@ -323,15 +322,14 @@ def _names(ships: Sequence[Ship]) -> list[str]:
     return names
 
 
-def _check_views(recipe: Recipe, names: list[str], drawn: Arrays) -> None:
+def _check_views(recipe: Recipe, drawn: Arrays) -> None:
     """Raise `ValueError` for too narrow a beam, or a window without room at both its edges."""
     check_sight(float(drawn["slant_range"].min()), recipe.beam.ifov)
     if "range" not in SENSORS[recipe.sensor]:
         return
     longest = float(drawn["pulse_width"].max())
-    for ship, name in zip(recipe.ships, names, strict=True):
-        reach = reach_of(mesh_of(ship).vertices)
-        check_window(recipe.beam.window, ship=name, reach=reach, pulse_width=longest)
+    for ship in recipe.ships:
+        check_window(recipe.beam.window, mesh_of(ship), pulse_width=longest)
 
 
 def parameters(
@@ -341,7 +339,7 @@ def parameters(
     seed: int,
     rows_per_view: int,
     bin_width: float = Beam.bin_width,
-    cnr: Any = OF_RADAR["cnr"],
+    cnr: Any = RADAR_DEFAULTS["cnr"],
     **given: Any,
 ) -> Arrays:
     """Return the parameters (row,) drawn for the rows of a data set, without simulating them.
@@ -349,7 +347,7 @@ def parameters(
     `numbers` (row,) are the rows' numbers; `row` and `view` are among the parameters, and `ship` is
     a number. Other arguments are as of `dataset`.
     """
-    if isinstance(given["aspect"], str) and given["aspect"] == ANYWHERE:
+    if isinstance(given["aspect"], str) and given["aspect"] == RANDOM:
         given["aspect"] = (0.0, 360.0)
     given["cnr"] = 0.0 if cnr is None else cnr
     bounds = _bounds(bin_width)
@@ -359,15 +357,17 @@ def parameters(
     blocks, block = np.unique(view // ships, return_inverse=True)
     views, view_of_row = blocks[:, None] * ships + np.arange(ships), block * ships + view % ships
     *view_names, row_names = VIEW[1:], [name for name in samplers if name not in VIEW]
-    order, *uniform = uniform_numbers(seed, OF_VIEWS, views.reshape(-1), len(VIEW))
+    order, *uniform = uniform_numbers(seed, VIEW_STREAM, views.reshape(-1), len(VIEW))
     drawn: Arrays = {"row": numbers, "view": view}
     drawn["ship"] = order.reshape(views.shape).argsort(axis=1).reshape(-1)[view_of_row]
     for name, values in zip(*view_names, uniform, strict=True):
         drawn[name] = samplers[name](values)[view_of_row]
-    *uniform, right, up = uniform_numbers(seed, OF_ROWS, numbers, len(row_names) + len(PLACE))
+    *uniform, right, up = uniform_numbers(
+        seed, ROW_STREAM, numbers, len(row_names) + len(IFOV_OFFSET)
+    )
     for name, values in zip(row_names, uniform, strict=True):
         drawn[name] = samplers[name](values)
-    drawn |= dict(zip(PLACE, (right, up), strict=True))
+    drawn |= dict(zip(IFOV_OFFSET, (right, up), strict=True))
     drawn["frames"] = drawn["frames"].astype(np.int64)
     if cnr is None:
         budget = [10 * math.log10(carrier_to_noise(far)) for far in drawn["slant_range"].tolist()]
@@ -410,7 +410,6 @@ def _limit_line_threads() -> None:
 
 def _labelled_rows(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dataset:
     """Return rows as an xarray data set."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     beam = recipe.beam
@@ -429,7 +428,7 @@ def _labelled_rows(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dat
         bins = bin_centres(beam.window, beam.bin_width)
         coords["down_range"] = labelled_array("down_range", bins, "m", "down-range")
     else:
-        rows = {name: meaning for name, meaning in ROWS.items() if name not in ONLY_RADAR}
+        rows = {name: meaning for name, meaning in ROWS.items() if name not in RADAR_COORDINATES}
     if "infrared" in SENSORS[recipe.sensor]:
         attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
         angle, radius = map_cells()

@@ -20,28 +20,28 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-KNOWN = ("duncan", "horne", "spruance", "texas")
+KNOWN_SHIPS = ("duncan", "horne", "spruance", "texas")
 """Ships learned. Duncan is one of two sister ships; each of the others has its own class."""
 
-SISTER, STRANGER = "roberts", "connole"
+SISTER, UNRELATED = "roberts", "connole"
 """Ships not learned: Roberts, of Duncan's class with a longer hull, and one of another class."""
 
 TRAIN, TEST, UNKNOWN = "train", "test", "unknown"
 TRAINING_ROWS, TEST_ROWS = 1600, 800
-LONG = 400  # rows, which take seconds
+SLOW_ROWS = 400  # rows, which take seconds
 PER_VIEW = {TRAIN: 8, TEST: 2, UNKNOWN: 2}
 """Rows per view. Test scores vary more between views than between draws of a view."""
 
-SIDE = (0.0, 180.0)
+ONE_SIDE = (0.0, 180.0)
 """Aspects [deg]: one side of a ship, since the other shows nearly the same profiles."""
 
 SECTOR = 30.0
 """Width of the sector that `aspect-gap` leaves out [deg]."""
 
-NEAR, FAR = 25e3, 100e3
+NEAR_RANGE, FAR_RANGE = 25e3, 100e3
 """Slant ranges [m] of `range-shift`; all other rows are at the second."""
 
-FEW = 2
+FEW_FRAMES = 2
 """Frames averaged in the tests of `few-frames`, an eighth of those learned."""
 
 GAIN_DRIFT, FLOOR_DRIFT, CNR_LOSS = 0.1, 0.5, 3.0
@@ -66,9 +66,9 @@ SPLITS = {
 Rows = dict[str, Any]
 
 NOMINAL: Rows = {
-    "aspect": SIDE,
+    "aspect": ONE_SIDE,
     "depression": DEPRESSION,
-    "slant_range": FAR,
+    "slant_range": FAR_RANGE,
     "pulse_width": 30e-9,
     "frames": 16,
     "gain": 1.0,
@@ -141,7 +141,7 @@ def split(
     name: str,
     *,
     seed: int,
-    ships: Sequence[str] = KNOWN,
+    ships: Sequence[str] = KNOWN_SHIPS,
     train: int = TRAINING_ROWS,
     test: int = TEST_ROWS,
     workers: int = 1,
@@ -200,7 +200,7 @@ def split(
     for part, count in ((TRAIN, train), (TEST, test)):
         require(part, count, **vars(NUMBERS["count"]))
     counts = {TRAIN: train, TEST: test, UNKNOWN: max(test // 2, 1)}
-    if train + test > LONG:
+    if train + test > SLOW_ROWS:
         message = "simulating %d rows to learn and %d to test; this takes some seconds"
         logging.getLogger("ncti").warning(message, train, test)
     rows = {
@@ -229,10 +229,10 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
     require_word("name", name, SPLITS)
     require_word("part", part, PER_VIEW)
     require("seed", seed, minimum=0, maximum=2**63 - 1, whole=True)
-    if isinstance(ships, str) or len(ships) < 2 or {SISTER, STRANGER} & {*ships}:
+    if isinstance(ships, str) or len(ships) < 2 or {SISTER, UNRELATED} & {*ships}:
         raise ValueError(
             f"ships is {ships!r:.60}, but must be at least two ships without {SISTER} and "
-            f"{STRANGER}, which are unknown"
+            f"{UNRELATED}, which are unknown"
         )
     arguments = NOMINAL | _changes(name, part, seed)
     arguments |= {"seed": _row_seed(name, part, seed), "rows_per_view": PER_VIEW[part]}
@@ -244,12 +244,12 @@ def same_training_split(name: str) -> str:
     return name if name in ("aspect-gap", "range-shift", "variant") else "aspect-random"
 
 
-OUTSIDERS = {"unknown-near": SISTER, "unknown-far": STRANGER}
+OUTSIDERS = {"unknown-near": SISTER, "unknown-far": UNRELATED}
 
 
 def gap(seed: int) -> tuple[float, float]:
     """Return the sector [deg] that `aspect-gap` leaves out for a seed, lower end inclusive."""
-    low = SECTOR * (seed % round(SIDE[1] / SECTOR))
+    low = SECTOR * (seed % round(ONE_SIDE[1] / SECTOR))
     return low, low + SECTOR
 
 
@@ -279,22 +279,21 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
 
 def _changes(name: str, part: str, seed: int) -> Rows:
     """Return the parameters of a part that differ from the nominal ones."""
-    # Imported where it is used: scipy.stats takes half a second.
     from scipy.stats import norm, rv_histogram
 
     changes: Rows = {}
     if name == "aspect-gap":
         low, high = gap(seed)
-        edges = sorted({SIDE[0], low, high, SIDE[1]})
+        edges = sorted({ONE_SIDE[0], low, high, ONE_SIDE[1]})
         weights = [0.0 if start == low else end - start for start, end in pairwise(edges)]
         outside = rv_histogram((np.array(weights), np.array(edges)), density=False)
         changes["aspect"] = outside if part == TRAIN else (low, high)
     elif name == "range-shift" and part == TRAIN:
-        changes["slant_range"] = NEAR
+        changes["slant_range"] = NEAR_RANGE
     elif name == "sensor-shift" and part != TRAIN:
-        nominal = 10 * math.log10(carrier_to_noise(FAR))
+        nominal = 10 * math.log10(carrier_to_noise(FAR_RANGE))
         changes |= {"gain": norm(1, GAIN_DRIFT), "floor": norm(0, FLOOR_DRIFT)}
         changes["cnr"] = nominal - CNR_LOSS
     elif name == "few-frames" and part != TRAIN:
-        changes["frames"] = FEW
+        changes["frames"] = FEW_FRAMES
     return changes

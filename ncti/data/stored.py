@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,12 +21,12 @@ ROWS = ("dataset", "dataset_infrared")
 AT_ONCE = 20_000  # rows read from a store at once, so that a million need little more memory
 PREFIX = "row_"  # of parameters of rows in a store
 DRAWS = ("replicate", "phase")  # dimensions over independent draws of one condition
-OF_ROWS = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
+ROW_TYPES = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
 """Types of numbers that a store may keep in another type."""
 
 SPLITS = ("train", "learned", "test", "unknown")
 CLASSIFIERS = "classification/{}"  # groups of their answers
-AS_STORED = ("likelihood", "mnn")  # classifiers that take averages, floor included
+KEEP_FLOOR = ("likelihood", "mnn")  # classifiers that take averages, floor included
 
 
 class Signatures(NamedTuple):
@@ -127,7 +128,7 @@ def load_xy(
     aspects = {"test": ~learned, "unknown": learned | ~learned}.get(split, learned)
     ships = ~known if split == "unknown" else known
     if not (ships.any() and aspects.any()):
-        raise ValueError(f"split is {split!r}, but {NOTHING[split]}")
+        raise ValueError(f"split is {split!r}, but {EMPTY_REASONS[split]}")
     name = layout.learned if split == "train" else layout.measured
     signatures = views[name].isel(ship=np.flatnonzero(ships), aspect=np.flatnonzero(aspects))
     axes = layout.axes
@@ -191,14 +192,10 @@ def open_rows(
     Traceback (most recent call last):
     ValueError: store is 'no.zarr', which does not exist
     """
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
-    parts = [
-        _flatten_pieces(_select_views(group, where))
-        for name in ROWS
-        if (group := _open_group(store, name, chunks)) is not None
-    ]
+    groups = _open_groups(store, ROWS, chunks)
+    parts = [_flatten_pieces(_select_views(group, where)) for group in groups]
     if not parts:
         raise ValueError(f"store is {str(store)!r}, but must have a group {' or '.join(ROWS)}")
     return xr.merge(parts, compat="override", join="inner")
@@ -206,19 +203,17 @@ def open_rows(
 
 def has_rows(store: str | Path) -> bool:
     """Return whether a store holds rows; `ValueError` if it is no store of a sweep."""
-    return any(_open_group(store, name) is not None for name in ROWS)
+    return any(True for _ in _open_groups(store, ROWS))
 
 
 def ships_of(store: str | Path) -> list[str]:
     """Return the names of a store's ships, known or not."""
-    names = (*ROWS, *SENSORS)
-    groups = (group for name in names if (group := _open_group(store, name)) is not None)
-    return next(groups).ship.values.astype(str).tolist()
+    return next(_open_groups(store, (*ROWS, *SENSORS))).ship.values.astype(str).tolist()
 
 
 def pieces_of(store: str | Path) -> dict[int, int]:
     """Return the completed pieces of a store of rows, and the number of rows of each."""
-    group = next(group for name in ROWS if (group := _open_group(store, name)) is not None)
+    group = next(_open_groups(store, ROWS))
     other = [dim for dim in group.row_view.dims if dim != "piece"]
     counts = (group.row_view >= 0).sum(other).values.tolist()
     return {k: n for k, n in zip(group.piece.values.tolist(), counts, strict=True) if n}
@@ -252,14 +247,14 @@ def _flatten_pieces(pieces: xr.Dataset) -> xr.Dataset:
     rows = rows.isel(row=np.flatnonzero(rows.row_view.values >= 0)).transpose("row", ...)
     # Parameters of rows become coordinates.
     arrays = {str(k).removeprefix(PREFIX): values.variable for k, values in rows.data_vars.items()}
-    arrays |= {k: arrays[k].astype(dtype) for k, dtype in OF_ROWS.items() if k in arrays}
+    arrays |= {k: arrays[k].astype(dtype) for k, dtype in ROW_TYPES.items() if k in arrays}
     arrays["ship"] = arrays["ship"].copy(data=names[arrays["ship"].values])
     signatures = {k: arrays.pop(k) for k in list(arrays) if f"{PREFIX}{k}" not in rows}
     bins = {str(k): values.variable for k, values in rows.coords.items() if values.ndim}
     return xr.Dataset(signatures, {**bins, **arrays})
 
 
-NOTHING = {
+EMPTY_REASONS = {
     "train": "the store has no learned view",
     "learned": "the store has no learned view",
     "test": "must be learned where the sweep learned every aspect: see classifier.training_aspect",
@@ -272,15 +267,22 @@ def _classifier_vectors(values: NDArray[Any], kind: str, classifier: str | None)
     """Return signatures as the vectors that a classifier takes."""
     if kind == "silhouette":
         return VECTORS[kind](values.astype(np.uint8))
-    as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in AS_STORED
+    as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in KEEP_FLOOR
     return values if as_stored else VECTORS[kind](values)
+
+
+def _open_groups(
+    store: str | Path, names: Iterable[str], chunks: dict[str, int] | None = None
+) -> Iterator[xr.Dataset]:
+    """Yield those of some groups that a store has."""
+    groups = (_open_group(store, name, chunks) for name in names)
+    return (group for group in groups if group is not None)
 
 
 def _open_group(
     store: str | Path, group: str, chunks: dict[str, int] | None = None
 ) -> xr.Dataset | None:
     """Return a group of a store with undecoded integers; None if there is no such group."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     try:

@@ -31,10 +31,10 @@ except ImportError:  # the classes also serve a user's own loop
 Row = tuple[NDArray[np.float32], int]
 Batch = tuple[NDArray[np.float32], NDArray[np.int64]]
 
-ASIDE = 8
+INTERLEAVED_PIECES = 8
 """Pieces of a store that a stream interleaves."""
 
-WHOLE = -1
+WHOLE_STORE = -1
 """Number that stands for a whole store without pieces."""
 
 
@@ -61,7 +61,7 @@ class StoredRows:
         pieces = pieces_of(store) if has_rows(store) else {}
         self.classes = tuple(ships_of(store) if classes is None else classes)
         if not pieces:
-            pieces = {WHOLE: len(self.piece(WHOLE)[1])}
+            pieces = {WHOLE_STORE: len(self.piece(WHOLE_STORE)[1])}
         self.sizes = pieces
         self._ends = list(accumulate(pieces.values()))
 
@@ -115,10 +115,10 @@ class RowStream(IterableDataset):
         worker_id, workers = (worker.id, worker.num_workers) if worker is not None else (0, 1)
         number = 0
         shuffled = self._rng().permutation([*self.rows.sizes]).tolist()
-        for first in range(0, len(shuffled), ASIDE):
+        for first in range(0, len(shuffled), INTERLEAVED_PIECES):
             orders = {
                 piece: self._rng(piece).permutation(self.rows.sizes[piece])
-                for piece in shuffled[first : first + ASIDE]
+                for piece in shuffled[first : first + INTERLEAVED_PIECES]
             }
             for start in range(0, max(map(len, orders.values())), self.batch_size):
                 for piece, order in orders.items():
@@ -136,13 +136,13 @@ class RowStream(IterableDataset):
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
 
-@lru_cache(maxsize=ASIDE)
+@lru_cache(maxsize=INTERLEAVED_PIECES)
 def _read_piece(
     store: str, selection: tuple[Any, ...], classes: tuple[str, ...], number: int
 ) -> Batch:
     """Return vectors and labels of a piece of a store, or of a store without pieces."""
     classifier, split, where = selection
-    piece = {} if number == WHOLE else {"piece": number}
+    piece = {} if number == WHOLE_STORE else {"piece": number}
     X, y, _ = load_xy(store, classifier, split, **{**dict(where), **piece})
     if unknown := sorted(set(y.tolist()) - set(classes)):
         raise ValueError(f"classes is {classes!r:.60}, but must have {unknown[0]}")

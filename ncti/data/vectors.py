@@ -74,7 +74,7 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
         raise ValueError(f"rows is {text:.60}, but must be a data set of rows")
     if lacking := [name for name in (*GROUP, "view") if name not in rows.coords]:
         raise ValueError(f"rows has no {lacking[0]}, but must be rows of a data set")
-    parts = [see(rows[name].values) for name, see in VECTORS.items() if name in rows]
+    parts = [convert(rows[name].values) for name, convert in VECTORS.items() if name in rows]
     if not parts:
         raise ValueError(
             f"rows has {', '.join(map(str, rows)) or 'nothing'}, but must have a profile or a "
@@ -89,6 +89,6 @@ def groups_of(rows: xr.Dataset) -> NDArray[np.int64]:
     codes = np.stack([np.unique(rows[name], return_inverse=True)[1] for name in GROUP])
     _, group = np.unique(codes, axis=1, return_inverse=True)
     group = group.reshape(-1)
-    least = np.full(group.max(initial=-1) + 1, np.iinfo(np.int64).max)
-    np.minimum.at(least, group, rows.view.values)
-    return least[group]
+    first_view = np.full(group.max(initial=-1) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first_view, group, rows.view.values)
+    return first_view[group]

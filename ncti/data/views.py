@@ -34,10 +34,10 @@ VIEW = ("ship", "aspect", "depression", "slant_range")
 SIGNAL = ("pulse_width", "cnr", "frames", "gain", "floor")
 """Parameters of a row of the laser radar, besides those of its view."""
 
-PLACE = ("right", "up")
+IFOV_OFFSET = ("right", "up")
 """Place of the ship on the grid of IFOVs in a row of the laser radar."""
 
-OF_VIEWS, OF_ROWS, SPECKLE, IMAGE = range(4)
+VIEW_STREAM, ROW_STREAM, SPECKLE_STREAM, IMAGE_STREAM = range(4)
 """Streams of random numbers: parameters of a view, of a row, its speckle, and its image."""
 
 SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "infrared")}
@@ -141,12 +141,12 @@ def profiles(recipe: Recipe, image: LineImage, slant_range: float, drawn: Arrays
     }
     arrays["error_bound"] = np.empty(count)
     for k, row in enumerate(drawn["row"].tolist()):
-        right, up = (drawn[name][k].item() for name in PLACE)
+        right, up = (drawn[name][k].item() for name in IFOV_OFFSET)
         extent = range_extent(image, slant_range=slant_range, shift=(right, up), **vars(beam))
         floor = (len(extent.fraction) + free) * noise_floor()
         pulse_width, cnr, frames, gain, shift = (drawn[name][k].item() for name in SIGNAL)
         signal = vars(Signal(pulse_width, power_ratio(cnr), free))
-        [profile] = averaged_frames(extent, [frames], rng=recipe.rng(SPECKLE, row), **signal)
+        [profile] = averaged_frames(extent, [frames], rng=recipe.rng(SPECKLE_STREAM, row), **signal)
         change = np.zeros(profile.shape)
         if recipe.expected or gain != 1.0:
             mean = expected_profile(extent, **signal)
@@ -172,7 +172,7 @@ def silhouettes(
     side, contrast = footprint(slant_range, recipe.beam.ifov), imager.contrast(slant_range)
     images = []
     for row, frames in zip(drawn["row"].tolist(), drawn["frames"].tolist(), strict=True):
-        rng = recipe.rng(IMAGE, row)
+        rng = recipe.rng(IMAGE_STREAM, row)
         view = DetectorView(patches, side, contrast, imager, lambda rng=rng, **_: rng)
         images.append(view.images(method, (0,), (frames,))[0, 0])
     known: Any = imager.sigmas(drawn["frames"], method)

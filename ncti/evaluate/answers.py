@@ -7,26 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 from ncti.evaluate.replicates import replicated_accuracy
 from ncti.evaluate.scores import accuracy_by_aspect, aspect_bins
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 
-if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
+if TYPE_CHECKING:
     import xarray as xr
 
 VIEW = ("ship", "aspect")
-OF_ASPECTS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
+ASPECT_ATTRS = {"long_name": "whether aspects are learned, lie between, or are drawn at random"}
 # Draws of noise, positions and orders, over which accuracies are means.
 DRAWS = ("replicate", "phase", "order", "draw")
 
 
-def count_categories(classified: xr.Dataset, shown: str) -> xr.Dataset:
+def count_categories(classified: xr.Dataset, noun: str) -> xr.Dataset:
     """Return the number of categories and of views of every training."""
     category = classified.training_category
     columns = {
         "category_count": ((category.max(VIEW) + 1).astype("i4"), "categories formed"),
-        "view_count": ((category >= 0).sum(VIEW).astype("i4"), f"training {shown}"),
+        "view_count": ((category >= 0).sum(VIEW).astype("i4"), f"training {noun}"),
         "settled": ((classified.passes > 0).astype("i1"), "1 where the categories settled"),
     }
-    return data_set(columns)
+    return labelled_dataset(columns)
 
 
 def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
@@ -65,7 +65,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     counts = arrays["category_count"].where(trained)
     views, mean = arrays["view_count"].max(draws), counts.mean(draws)
     settled = trained.any(draws) & (arrays["settled"].where(trained, 1) == 1).all(draws)
-    return data_set(
+    return labelled_dataset(
         {
             "categories": (mean, "categories formed, mean over draws"),
             "spread": (counts.std(draws), "standard deviation of the number of categories"),
@@ -81,7 +81,7 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
 
 
 def accuracy_columns(
-    correct: xr.DataArray, prefix: str, what: str, aspects: Mapping[str, xr.DataArray] | None = None
+    correct: xr.DataArray, prefix: str, noun: str, aspects: Mapping[str, xr.DataArray] | None = None
 ) -> xr.Dataset:
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
@@ -93,19 +93,19 @@ def accuracy_columns(
 
     if aspects and len(aspects) > 1:
         parts = [
-            accuracy_columns(correct.where(kind, -1), prefix, what) for kind in aspects.values()
+            accuracy_columns(correct.where(kind, -1), prefix, noun) for kind in aspects.values()
         ]
-        kinds = xr.DataArray(list(aspects), dims="aspects", attrs=OF_ASPECTS, name="aspects")
+        kinds = xr.DataArray(list(aspects), dims="aspects", attrs=ASPECT_ATTRS, name="aspects")
         return xr.concat(parts, kinds)
     draws = tuple(name for name in DRAWS if name in correct.dims)
     answers = correct.transpose(..., *draws, *VIEW)
     right, answered, aspect = answers.values == 1, answers.values >= 0, answers.aspect.values
     score = replicated_accuracy(right, aspect, draws=len(draws), answered=answered)
     figures = {
-        "accuracy": (score.fraction, f"fraction of {what} classified correctly"),
+        "accuracy": (score.fraction, f"fraction of {noun} classified correctly"),
         "ci_low": (score.ci_low, "lower end of its 95 % Wilson interval"),
         "ci_high": (score.ci_high, "upper end of its 95 % Wilson interval"),
-        "n": (score.n, f"number of {what}"),
+        "n": (score.n, f"number of {noun}"),
     }
     if draws:
         by_draw = accuracy_by_aspect(right, aspect, answered=answered).fraction
@@ -124,7 +124,7 @@ def label_bins(
 
     pooled = {name: 0 for name in (*DRAWS, *VIEW) if name in answers.dims}
     cells = answers.isel(pooled, drop=True).expand_dims(aspect_bin=list(labels), axis=-1)
-    return data_set(
+    return labelled_dataset(
         {
             name: (xr.DataArray(values, cells.coords, cells.dims), label)
             for name, (values, label) in figures.items()
@@ -176,13 +176,13 @@ def tabulate_scores(
     arrays: dict[Any, xr.DataArray] = {}
     if "training_category" in classified:
         arrays |= count_categories(classified, shown).data_vars.items()
-    for name, prefix, what, kinds in (
+    for name, prefix, noun, kinds in (
         ("training_correct", "training_", f"training {shown}", None),
         ("ship_correct", "ship_", f"ships of test {shown}", aspects),
         ("correct", "", f"test {shown}", aspects),
     ):
         if name in classified:
-            arrays |= accuracy_columns(classified[name], prefix, what, kinds).data_vars.items()
+            arrays |= accuracy_columns(classified[name], prefix, noun, kinds).data_vars.items()
     return add_bin_attribute(xr.Dataset(arrays), classified.aspect)
 
 

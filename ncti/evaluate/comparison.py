@@ -125,7 +125,6 @@ def compare(
     require_generator("rng", rng)
     require("confidence", confidence, positive=True, below=1.0)
     require("resamples", resamples, whole=True, minimum=100)
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import chdtrc
 
     _, view_index = np.unique(view, return_inverse=True)

@@ -103,7 +103,6 @@ def learning_curve(
     >>> curve.rows.tolist(), curve.fraction.min()
     ([[2, 4], [4, 8]], np.float64(1.0))
     """
-    # Imported here because scikit-learn takes a second.
     from sklearn.base import clone
 
     require_generator("rng", rng)
@@ -131,9 +130,9 @@ def learning_curve(
     rank = turn[view_index]
     order = _occurrence_numbers(view_index)
     class_sizes, view_sizes = np.bincount(class_index[first]), np.bincount(view_index)
-    for name, values, most in (("views", views, class_sizes), ("draws", draws, view_sizes)):
+    for name, values, sizes in (("views", views, class_sizes), ("draws", draws, view_sizes)):
         for value in values:
-            require(f"each of {name}", value, maximum=most.min())
+            require(f"each of {name}", value, maximum=sizes.min())
     fraction, low, high = np.empty((3, len(views), len(draws)))
     rows = np.empty(fraction.shape, dtype=np.intp)
     everywhere = np.zeros(len(truth))

@@ -98,8 +98,8 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     if not pairs:
         return OpenSetScores(auroc=np.nan, oscr=np.nan)
     # Unknown answers less similar than each known answer, ties counting half.
-    below, upto = (np.searchsorted(ranked, values[learned], side) for side in ("left", "right"))
-    beaten = (below + upto) / 2
+    below, up_to = (np.searchsorted(ranked, values[learned], side) for side in ("left", "right"))
+    beaten = (below + up_to) / 2
     return OpenSetScores(
         auroc=float(beaten.sum() / pairs), oscr=float(beaten[right[learned]].sum() / pairs)
     )

@@ -8,30 +8,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, accuracy_columns
+from ncti.evaluate.answers import ASPECT_ATTRS, DRAWS, VIEW, accuracy_columns
 from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
 
-if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
+if TYPE_CHECKING:
     import xarray as xr
 
-ENDS = ("_ci_low", "_ci_high")
+INTERVAL_SUFFIXES = ("_ci_low", "_ci_high")
 AT_ONCE = 2**20  # answers times levels of a vigilance in memory at a time
-LEAST_REJECTED = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # share of answers to unknown ships
+MIN_REJECTED = np.array([0.0, 0.5, 0.8, 0.9, 0.95])  # share of answers to unknown ships
 MEANINGS = {
     "rejected_unknown": "fraction of answers to unknown ships that are rejected",
     "rejected_known": "fraction of answers to known ships that are rejected",
-    "correct_known": "fraction of answers to known ships that are right and not rejected",
+    "correct_known": "fraction of answers to known ships that are correct and accepted",
     "n_unknown": "answers to unknown ships",
     "n_known": "answers to known ships",
-    "correct_where_rejected": "fraction of answers to known ships that are right and not rejected "
-    "where at least so many of those to unknown ones are",
-    "rejected_up_to": "largest cosine that must be rejected for that, none where all are accepted",
+    "correct_where_rejected": "fraction of answers to known ships that are correct and accepted at "
+    "the threshold that rejects `least_rejected` of the unknown ones",
+    "rejected_up_to": "that threshold, the largest cosine rejected; none where all are accepted",
     "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
     "ship (area under the receiver operating characteristic)",
     "oscr": "probability that an answer to a known ship is right and more similar than one to an "
     "unknown ship (area under the open-set classification rate)",
     "test_vigilance": "cosine that an answer must reach",
-    "least_rejected": "fraction of answers to unknown ships that is rejected at least",
+    "least_rejected": "minimum fraction of answers to unknown ships that must be rejected",
 }
 
 
@@ -85,10 +85,14 @@ def tabulate_rejection(
     """
     import xarray as xr
 
-    levels = np.array(test_vigilances)
-    vigilance = xr.DataArray(levels, {"test_vigilance": levels}, ("test_vigilance",))
+    tested = np.array(test_vigilances)
+    vigilance = xr.DataArray(tested, {"test_vigilance": tested}, ("test_vigilance",))
     similarity, right = classified.similarity.compute(), classified.correct == 1
     answered = classified.correct >= 0
+
+    def rejected(level: xr.DataArray) -> xr.DataArray:
+        return ~(similarity >= level)
+
     pooled = [*(name for name in DRAWS if name in right.dims), *VIEW]
     parts = []
     for kind, mask in aspects.items():
@@ -97,11 +101,11 @@ def tabulate_rejection(
         all_similarity = similarity.where(knowns | unknowns)
         apply = partial(xr.apply_ufunc, vectorize=True)
         up_to = apply(
-            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], LEAST_REJECTED),
+            lambda answers: rejection_thresholds(answers[~np.isnan(answers)], MIN_REJECTED),
             similarity.where(unknowns),
             input_core_dims=[pooled],
             output_core_dims=[["least_rejected"]],
-        ).assign_coords(least_rejected=LEAST_REJECTED)
+        ).assign_coords(least_rejected=MIN_REJECTED)
         pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
         auroc, oscr = apply(_areas, all_similarity, right, knowns, **pools)
         columns = {
@@ -111,24 +115,24 @@ def tabulate_rejection(
             "auroc": auroc,
             "oscr": oscr,
         }
-        for name, level, hits, counted in (
-            ("rejected_unknown", vigilance, lambda least: ~(similarity >= least), unknowns),
-            ("rejected_known", vigilance, lambda least: ~(similarity >= least), knowns),
-            ("correct_known", vigilance, lambda least: (similarity >= least) & right, knowns),
-            ("correct_where_rejected", up_to, lambda most: (similarity > most) & right, knowns),
+        for name, levels, hits, counted in (
+            ("rejected_unknown", vigilance, rejected, unknowns),
+            ("rejected_known", vigilance, rejected, knowns),
+            ("correct_known", vigilance, lambda level: ~rejected(level) & right, knowns),
+            ("correct_where_rejected", up_to, lambda level: (similarity > level) & right, knowns),
         ):
-            share = _shares(level, hits, counted, name)
+            share = _shares(levels, hits, counted, name)
             columns[name] = share[f"{name}_accuracy"]
-            columns |= {name + end: share[name + end] for end in ENDS}
+            columns |= {name + end: share[name + end] for end in INTERVAL_SUFFIXES}
         parts.append(xr.Dataset(columns).expand_dims(aspects=[kind]))
     table = xr.concat(parts, "aspects")
     for name, meaning in MEANINGS.items():
         table[name].attrs = {"units": "1", "long_name": meaning}
-        for ending, end in zip(ENDS, ("lower", "upper"), strict=True):
+        for ending, end in zip(INTERVAL_SUFFIXES, ("lower", "upper"), strict=True):
             if name + ending in table:
                 interval = f"{end} end of the 95 % Wilson interval of the {meaning}"
                 table[name + ending].attrs = {"units": "1", "long_name": interval}
-    table.aspects.attrs = OF_ASPECTS
+    table.aspects.attrs = ASPECT_ATTRS
     return table
 
 

@@ -303,7 +303,7 @@ def paired_difference(
     require("draws", draws, whole=True, minimum=0)
     pair = [checked_answers(right, len(index), draws) for right in (first, second)]
     require_shape("second", pair[1], pair[0].shape)
-    former, other = (
+    before, after = (
         replicated_accuracy(right, aspects, draws=draws, answered=answered, confidence=confidence)
         for right in pair
     )
@@ -312,7 +312,7 @@ def paired_difference(
     answers = max(np.prod([count.shape[kind] for kind in kinds]), 1)  # per view
     per_view = count.sum(axis=kinds)
     means = [(right * count).sum(axis=kinds) / np.maximum(per_view, 1.0) for right in pair]
-    phi = np.zeros(former.fraction.shape)
+    phi = np.zeros(before.fraction.shape)
     for k in range(len(labels) + 1):
         inside = (per_view > 0) & ((index == k) | (k == len(labels)))
         size = np.maximum(inside.sum(axis=(-2, -1), keepdims=True), 1)
@@ -328,14 +328,14 @@ def paired_difference(
     def interval_reach(up: Floats, down: Floats) -> Floats:
         return np.sqrt(np.maximum(up**2 - 2.0 * phi * up * down + down**2, 0.0))
 
-    difference = other.fraction - former.fraction
+    difference = after.fraction - before.fraction
     low = difference - interval_reach(
-        other.fraction - other.ci_low, former.ci_high - former.fraction
+        after.fraction - after.ci_low, before.ci_high - before.fraction
     )
     high = difference + interval_reach(
-        other.ci_high - other.fraction, former.fraction - former.ci_low
+        after.ci_high - after.fraction, before.fraction - before.ci_low
     )
-    return AspectAccuracy(former.labels, difference, low, high, former.n)
+    return AspectAccuracy(before.labels, difference, low, high, before.n)
 
 
 def _views(values: Floats, member: Floats) -> Floats:
@@ -352,7 +352,6 @@ def _equivalent_answers(
     `levels` has (..., level, bin) answers and right answers of each factor, the views, then each
     kind of draw; `share` (...) is the share of right answers in all bins.
     """
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri, stdtrit
 
     n, k = (array.sum(axis=-2) for array in levels[0])

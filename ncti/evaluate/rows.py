@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 BINS = 10  # of confidence, of equal width
-REJECTED = 0.9  # share of answers to unknown classes
+REJECTED_SHARE = 0.9  # share of answers to unknown classes
 ROUNDING = 1e-5  # of a row's sum of probabilities, which may be in single precision
 
 Floats = NDArray[np.float64]
@@ -230,9 +230,8 @@ def score(
         require_shape("similarity", similarities, truth.shape)
         areas = open_set_scores(similarities, correct, known)
         auroc, oscr = areas.auroc, areas.oscr
-        [most] = rejection_thresholds(similarities[~known], [REJECTED])
-        accepted = float((correct & (similarities > most))[known].mean())
-    # Imported here because scikit-learn takes a second.
+        [threshold] = rejection_thresholds(similarities[~known], [REJECTED_SHARE])
+        accepted = float((correct & (similarities > threshold))[known].mean())
     from sklearn.metrics import confusion_matrix
 
     return Scores(
@@ -267,8 +266,8 @@ def _answers(
         learned, chosen = np.unique(learned), require_labels("predicted", predicted)
         require_shape("predicted", chosen, truth.shape)
     if not np.isin(chosen, learned).all():
-        stray = chosen[~np.isin(chosen, learned)][0]
-        raise ValueError(f"predicted has {stray!r}, but must be among the classes, {learned}")
+        unlearned = chosen[~np.isin(chosen, learned)][0]
+        raise ValueError(f"predicted has {unlearned!r}, but must be among the classes, {learned}")
     return learned, chosen, values
 
 

@@ -178,7 +178,6 @@ def wilson_interval(
             "0 <= successes <= trials"
         )
     require("confidence", confidence, positive=True, below=1.0)
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri
 
     z = ndtri(0.5 + 0.5 * confidence)

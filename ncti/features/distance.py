@@ -13,14 +13,14 @@ from ncti.features.profile import profile_vector
 from ncti.ladar import carrier_to_noise, expected_profile, range_extent
 from ncti.render import line_image
 from ncti.render.flight import DEPRESSION
-from ncti.ships.perturbation import MAX_SCALE, Variant
+from ncti.ships.perturbation import MAX_SIGMA_SCALE, Variant
 
 if TYPE_CHECKING:
     import trimesh
 
 ASPECTS = tuple(np.arange(7.5, 360, 15))
-CLOSE = 0.05  # relative error of a stated distance
-STEPS = 12
+DISTANCE_ERROR = 0.05  # relative error of a stated distance
+MAX_STEPS = 12
 
 
 def ship_distance(
@@ -146,14 +146,14 @@ def sister(
     """
     require("distance", distance, minimum=1e-4, maximum=0.5)
     ship = ships.load(name)
-    low, high = np.log(0.01), np.log(MAX_SCALE)
+    low, high = np.log(0.01), np.log(MAX_SIGMA_SCALE)
     nearest = 0.0
-    for step in range(STEPS):
+    for step in range(MAX_STEPS):
         middle = high if step == 0 else (low + high) / 2
         scale = float(f"{np.exp(middle):.3g}")
         variant = ships.load(str(Variant(name, seed, number, scale)))
         nearest = ship_distance(ship, variant, **view)
-        if abs(nearest / distance - 1) <= CLOSE:
+        if abs(nearest / distance - 1) <= DISTANCE_ERROR:
             return variant
         if nearest < distance:
             low = middle

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all, require_word
 
 INTERPOLATIONS = ("bilinear", "nearest")
-_NOWHERE = (1.0, -1e9, -1e9, 0, 0)
-_FINER = 8  # shifts per angle of the map that `cyclic_similarity` tries
+_OUTSIDE_MAP = (1.0, -1e9, -1e9, 0, 0)
+_SHIFTS_PER_ANGLE = 8  # shifts per angle of the map that `cyclic_similarity` tries
 
 Floats = NDArray[np.float64]
 Images = NDArray[np.bool_] | Floats
@@ -203,8 +203,8 @@ def cyclic_similarity(a: ArrayLike, b: ArrayLike) -> tuple[Floats, Floats]:
     spectrum = (np.fft.rfft(first, axis=-2) * np.fft.rfft(second, axis=-2).conj()).sum(axis=-1)
     if angles % 2 == 0:
         spectrum[..., -1] /= 2  # the highest frequency is shared with its negative
-    shifts = _FINER * angles
-    cosine = np.fft.irfft(spectrum, n=shifts, axis=-1) * _FINER
+    shifts = _SHIFTS_PER_ANGLE * angles
+    cosine = np.fft.irfft(spectrum, n=shifts, axis=-1) * _SHIFTS_PER_ANGLE
     best = cosine.argmax(axis=-1)
     similarity = np.clip(np.take_along_axis(cosine, best[..., None], axis=-1)[..., 0], -1.0, 1.0)
     turns = (best + shifts // 2) % shifts - shifts // 2
@@ -232,10 +232,10 @@ def _disc(image: Images) -> tuple[float, ...]:
     rows = np.flatnonzero(image.any(axis=1))
     columns = np.flatnonzero(image.any(axis=0))
     if rows.size == 0:
-        return _NOWHERE
+        return _OUTSIDE_MAP
     box = image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     if box.size < 2 or np.count_nonzero(box) < 2:
-        return _NOWHERE
+        return _OUTSIDE_MAP
     by_row, by_column = box.sum(axis=1, dtype=np.float64), box.sum(axis=0, dtype=np.float64)
     area = float(by_row.sum())
     return (

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require_all
-from ncti.ladar.window import EDGE
+from ncti.ladar.window import EDGE_SHARE
 
-LIMIT = 1e300  # in magnitude; sums over an edge then stay finite
+MAX_VALUE = 1e300  # in magnitude; sums over an edge then stay finite
 
 
 def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -72,7 +72,7 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
     if floor is None:
         level = estimated_floor(values)
     else:
-        level = require_all("floor", floor, minimum=-LIMIT, maximum=LIMIT)[..., None]
+        level = require_all("floor", floor, minimum=-MAX_VALUE, maximum=MAX_VALUE)[..., None]
         try:
             np.broadcast_to(level, values.shape)
         except ValueError:
@@ -90,14 +90,14 @@ def profile_vector(profile: ArrayLike, *, floor: ArrayLike | None = None) -> NDA
 def estimated_floor(profile: ArrayLike) -> NDArray[np.float64]:
     """Return the noise floor (..., 1) of profiles (..., bin), their mean at both edges."""
     values = _checked_profiles(profile)
-    count = max(1, round(EDGE * values.shape[-1]))
+    count = max(1, round(EDGE_SHARE * values.shape[-1]))
     outer = np.concatenate([values[..., :count], values[..., -count:]], axis=-1)
     return outer.mean(axis=-1, keepdims=True)
 
 
 def _checked_profiles(profile: ArrayLike) -> NDArray[np.float64]:
     """Return profiles as an array, or raise `ValueError`."""
-    checked = require_all("profile", profile, minimum=-LIMIT, maximum=LIMIT)
+    checked = require_all("profile", profile, minimum=-MAX_VALUE, maximum=MAX_VALUE)
     if checked.ndim == 0 or checked.shape[-1] == 0:
         raise ValueError(f"profile has shape {checked.shape}, but must have bins")
     return checked

@@ -173,8 +173,8 @@ def _parameter_stack(name: str, value: ArrayLike | None, shape: tuple[int, ...])
     """Return a parameter of `matched` for every image of a stack, (image, 1, 1)."""
     if value is None:
         raise ValueError(f"{name} is None, but must be given in K for the method matched")
-    least = 0.0 if name == "contrast" else _MIN
-    values = require_all(name, value, minimum=least, maximum=_MAX)
+    minimum = 0.0 if name == "contrast" else _MIN
+    values = require_all(name, value, minimum=minimum, maximum=_MAX)
     try:
         full = np.broadcast_to(values, shape)
     except ValueError:
@@ -252,8 +252,8 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
         if chosen.size:
             sets.append((place[chosen], place[chosen] + around[:, None], bar[chosen]))
     unchanged = 0
-    for pixels, neighbours, least in sets * _PASSES:
-        on_ship = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > least
+    for pixels, neighbours, threshold in sets * _PASSES:
+        on_ship = np.add.reduce(flat.take(neighbours), axis=0, dtype=np.uint8) > threshold
         unchanged = unchanged + 1 if (on_ship == flat.take(pixels)).all() else 0
         if unchanged == len(sets):
             break

@@ -51,7 +51,6 @@ def detection_threshold(*, false_alarm: float, sigma: float) -> float:
     """
     require("false_alarm", false_alarm, positive=True, below=1.0)
     require("sigma", sigma, positive=True)
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import ndtri
 
     # Q^-1(p) = -ndtri(p): the lower tail keeps the digits that 1 - p would lose.

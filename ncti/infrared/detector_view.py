@@ -18,10 +18,10 @@ from ncti.infrared.super_resolution import enlarge, reconstruction_error
 Floats = NDArray[np.float64]
 SubpixelOffset = tuple[float, float]  # of the ship origin in a pixel, across and up [pixel]
 
-HALVES = {"none": 2, "perfect": 1, "shifted": 1}
+HALF_PIXELS = {"none": 2, "perfect": 1, "shifted": 1}
 """Width of a pixel in half pixels of the detector, by super-resolution method."""
 
-WHOLE = HALVES["none"]  # width of a detector pixel
+FULL_PIXEL = HALF_PIXELS["none"]  # width of a detector pixel
 
 MAX_OFFSETS = 1000
 """Largest number of places of a ship on the pixels."""
@@ -75,7 +75,7 @@ class LargestWindow:
             halves = pixels.origin[1 - axis] + pixels.footprint * np.arange(
                 pixels.coverage.shape[axis]
             )
-            places[name] = halves.reshape(-1, HALVES[super_resolution]).mean(axis=1)
+            places[name] = halves.reshape(-1, HALF_PIXELS[super_resolution]).mean(axis=1)
         return places
 
 
@@ -186,7 +186,7 @@ class DetectorView:
         rng, drawn = self._drawn[key]
         for offset in range(len(drawn), max(subpixel_offsets) + 1):
             images = self.imager.images(
-                self.mask(offset, HALVES[super_resolution]),
+                self.mask(offset, HALF_PIXELS[super_resolution]),
                 contrast=self.contrast,
                 frame_counts=frame_count,
                 rng=rng,
@@ -204,7 +204,7 @@ class DetectorView:
         """
         (images,) = self.images(super_resolution, (0,), frame_count)
         full, origin = window.half_pixels(self.place(0)), self.coverage_at(0).origin
-        cells = HALVES[super_resolution]
+        cells = HALF_PIXELS[super_resolution]
         rows, cols = (n // cells for n in full.coverage.shape)
         row, col = (
             round((origin[axis] - full.origin[axis]) / full.footprint) // cells for axis in (1, 0)
@@ -222,7 +222,7 @@ class DetectorView:
 
         A pixel of sea exceeds the threshold with the false-alarm probability.
         """
-        pixels = [np.count_nonzero(self.mask(offset, WHOLE)) for offset in subpixel_offsets]
+        pixels = [np.count_nonzero(self.mask(offset, FULL_PIXEL)) for offset in subpixel_offsets]
         return np.vectorize(detection_probability)(
             np.array(pixels)[:, None],
             contrast=self.contrast,
@@ -240,7 +240,7 @@ class DetectorView:
         if self.contrast < MIN_CONTRAST:  # no contrast to divide by
             return np.full((len(subpixel_offsets), len(frame_count)), np.nan)
         images = self.images(super_resolution, subpixel_offsets, frame_count)
-        finer = enlarge(images) if HALVES[super_resolution] == WHOLE else images
+        finer = enlarge(images) if HALF_PIXELS[super_resolution] == FULL_PIXEL else images
         return np.array(
             [
                 reconstruction_error(image, self.mask(offset, 1), contrast=self.contrast)

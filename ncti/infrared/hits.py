@@ -87,10 +87,10 @@ class Hits:
             flat = np.concatenate([span, np.zeros_like(span)], axis=1), np.zeros_like(line)
             lines = LineImage(line, *flat, np.zeros((1, 3)), pixel, bottom, 0.0, 0.0, roll)
             return Patches(*lines.bounds, pixel**2, lines)
-        from ncti.infrared.cells import places_of_bits  # numba takes long to import
-
-        lattice = pixel, (left, bottom), turn_of(roll)
-        horizontal, vertical = places_of_bits(self.bits, self.columns, *lattice)
+        row, column = np.divmod(np.flatnonzero(np.unpackbits(self.bits)), self.columns)
+        along, up = left + pixel * column, bottom + pixel * row
+        cos, sin = turn_of(roll)
+        horizontal, vertical = along * cos - up * sin, along * sin + up * cos
         return Patches(-horizontal if mirrored else horizontal, vertical, pixel**2)
 
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ncti.checks import require
 
 # Number of frames whose sum the generator itself draws first: as many as the article averages.
-ANCHOR = 16
+ANCHOR_FRAMES = 16
 # Border around the ship that is drawn with it [pixel]. A super-resolved pixel depends on its
 # neighbours up to one pixel away, so the size of the window changes nothing on the ship.
-HALO = 4
+BORDER = 4
 
 
 def draw_scene(
@@ -51,7 +51,7 @@ def draw_scene(
     of a Brownian bridge draws the sum in the middle of an interval from the sums at its ends, until
     it reaches a count.
 
-    Order of the draws: the ship's bounding box with a border of `HALO` pixels, whether or not the
+    Order of the draws: the ship's bounding box with a border of `BORDER` pixels, whether or not the
     window holds them; the rest of the window; the rest of the rim. In each of them, row by row, the
     generator draws first the scene and then W(16); the others draw one sum each, in the same order.
     A larger window therefore changes no bit on the ship, and a rim none in the window.
@@ -83,7 +83,7 @@ def draw_scene(
     inside = scene[rim : rim + rows, rim : rim + cols]
     np.add(inside, contrast, out=inside, where=target)
     # Detector noise: sums of frames along one random walk, divided by their number.
-    anchor *= math.sqrt(ANCHOR)
+    anchor *= math.sqrt(ANCHOR_FRAMES)
     walk = dict(_walk(anchor, sorted(set(numbers)), node))
     noise = np.empty((len(numbers), *anchor.shape))
     for count, average in zip(numbers, noise, strict=True):
@@ -97,9 +97,9 @@ Node = Callable[[int], Field]
 
 
 def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, Field]]:
-    """Yield sums of unit normals at ascending counts, given the one at `ANCHOR`: `draw_scene`."""
+    """Yield sums of unit normals at ascending counts, given the anchor; see `draw_scene`."""
     first, start = 0, np.zeros_like(anchor)
-    last, end = ANCHOR, anchor
+    last, end = ANCHOR_FRAMES, anchor
     while True:
         yield from _sums_between((first, start), (last, end), counts, node)
         if last in counts:
@@ -154,12 +154,12 @@ def _draw(
     target: NDArray[np.bool_], count: int, rim: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Return normals (count, row + 2 rim, col + 2 rim), drawn in the order of `draw_scene`."""
-    from ncti.infrared.cells import bounding_box, lay_out  # numba takes long to import
+    from ncti.infrared.cells import bounding_box, lay_out
 
     rows, columns = target.shape
     top, bottom, left, right = bounding_box(target)
     # The ship's box in the window's rows and columns; empty without a ship.
-    halo = HALO if bottom else 0
+    halo = BORDER if bottom else 0
     box = top - halo, bottom + halo, left - halo, right + halo
     shape = box[1] - box[0], box[3] - box[2]
     window = rows * columns - _count_shared(box, (0, rows, 0, columns))

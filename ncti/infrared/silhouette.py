@@ -265,7 +265,7 @@ def coverage_of(
     """
     require("area", area, positive=True)
     window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
-    from ncti.infrared.cells import count_points  # numba takes long to import
+    from ncti.infrared.cells import count_points
 
     counts = np.zeros(window.shape)
     across, up = phase

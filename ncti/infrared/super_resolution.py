@@ -45,7 +45,7 @@ def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     half pixel to half pixel, so its algebraic inverse needs a known border, and amplifies noise
     without bound.
     """
-    fine = _checked_images("fine", fine, least=2)
+    fine = _checked_images("fine", fine, low=2)
     pairs = fine[..., :-1] + fine[..., 1:]
     return (pairs[..., :-1, :] + pairs[..., 1:, :]) / 4
 
@@ -83,7 +83,7 @@ def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     up to 39 % in one iteration: sharpening amplifies noise and the sea's own pattern more than it
     removes blur.
     """
-    samples = _checked_images("samples", samples, least=2)
+    samples = _checked_images("samples", samples, low=2)
     fine = samples[..., 1:, 1:] + samples[..., 1:, :-1]
     fine += samples[..., :-1, 1:]
     fine += samples[..., :-1, :-1]
@@ -247,13 +247,13 @@ def reconstruction_error(
 
 
 def _checked_images(
-    name: str, values: Any, dtype: Any = np.float64, *, least: int = 1, axes: int | None = None
+    name: str, values: Any, dtype: Any = np.float64, *, low: int = 1, axes: int | None = None
 ) -> NDArray[Any]:
-    """Return values as an array of images, or of one if `axes` is 2, of at least `least` pixels."""
+    """Return values as an array of images, or of one if `axes` is 2, `low` pixels wide or more."""
     images = np.asarray(values, dtype=dtype)
-    if images.ndim < 2 or images.ndim != (axes or images.ndim) or min(images.shape[-2:]) < least:
+    if images.ndim < 2 or images.ndim != (axes or images.ndim) or min(images.shape[-2:]) < low:
         raise ValueError(
             f"{name} has shape {images.shape}, but must be "
-            f"{'an image' if axes else 'images'} of at least {least} by {least} pixels"
+            f"{'an image' if axes else 'images'} of at least {low} by {low} pixels"
         )
     return images

@@ -16,16 +16,16 @@ from ncti.irar.scan import Scan
 
 Floats = NDArray[np.float64]
 
-RISE = 3.2
+SLOPE_HEIGHT = 3.2
 """Height over which slopes are measured [m]: about one deck, so that few pairs span two tiers."""
 
-WIDTH = 0.1
+SMOOTHING = 0.1
 """Width of the kernel that smooths the counts of slopes: their noise, 0.3 m twice over a rise.
 
 A wider kernel mixes upright faces with receding tiers, and finds their mean as a speed.
 """
 
-ROUNDS = 3
+MAX_ROUNDS = 3
 """Number of iterations. A wrong speed smears the looks of a pixel, less in each round."""
 
 STEP = 0.01
@@ -35,16 +35,16 @@ def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
     """Return slopes [m/m] up to `steepest` either way, and the number of pairs of pixels at each.
 
     `slopes` (pair,) are changes of horizontal distance with height. A Gaussian of standard
-    deviation `WIDTH` smooths the counts.
+    deviation `SMOOTHING` smooths the counts.
     """
     # Counts reach beyond the spectrum, so that its ends are smoothed like its middle.
     centres = np.arange(-math.ceil(steepest / STEP), math.ceil(steepest / STEP) + 1) * STEP
     edges = np.append(centres, centres[-1] + STEP) - STEP / 2
-    reach = 4 * WIDTH
-    wide = np.arange(edges[0] - reach, edges[-1] + reach, STEP)
-    counts, _ = np.histogram(slopes, wide)
-    middle = (wide[1:] + wide[:-1]) / 2
-    kernel = np.exp(-(((centres[:, None] - middle) / WIDTH) ** 2) / 2)
+    reach = 4 * SMOOTHING
+    wide_edges = np.arange(edges[0] - reach, edges[-1] + reach, STEP)
+    counts, _ = np.histogram(slopes, wide_edges)
+    middle = (wide_edges[1:] + wide_edges[:-1]) / 2
+    kernel = np.exp(-(((centres[:, None] - middle) / SMOOTHING) ** 2) / 2)
     smooth: Floats = kernel @ counts
     return centres.astype(np.float64), smooth
 
@@ -108,7 +108,7 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
     """
     require("reach", reach, positive=True, below=1)
     flight = estimate
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         slope = _commonest_slope(scan, flight, reach=reach)
         # An error dv of the closing speed makes an upright face lean by dv / climb.
         error = -slope * flight.climb / closing_per_speed(flight)
@@ -130,13 +130,13 @@ def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
     level = image.range * np.cos(below)[:, None]
     spacing = float(image.row[1] - image.row[0]) * flight.pixel
     # Slopes between pixels of a column a deck apart, with no gap in between.
-    rows = max(2, round(RISE / spacing))
+    rows = max(2, round(SLOPE_HEIGHT / spacing))
     gaps = np.cumsum(~np.isfinite(level), axis=0)
     unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
     slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * spacing)
     if not slopes.size:
         raise NothingSeenError(
-            f"scan shows nothing {RISE:g} m high after correction, but must show a ship"
+            f"scan shows nothing {SLOPE_HEIGHT:g} m high after correction, but must show a ship"
         )
     slope, count = slope_spectrum(slopes, steepest=reach * flight.closing_speed / flight.climb)
     return float(slope[np.argmax(count)])

@@ -40,7 +40,7 @@ RANGE_BIN = 1.0  # m; the down-range resolution of the sensor
 FALSE_ALARM = 1e-3
 """Probability that a pixel of the sea passes the threshold."""
 
-STANDS_OUT = 3.0
+SHIP_CONTRAST = 3.0
 """Intensity above which a sample counts as ship, over the median of the sea's samples."""
 
 
@@ -93,10 +93,9 @@ def nearest_ship_range(scan: Scan) -> Floats:
     The range of a sample of sea beside the ship is noise: the sample must move with the ship's
     edge, or it would cover part of it. Measured ranges remain if nothing is brighter than the sea.
     """
-    ship = scan.intensity > STANDS_OUT * _sea_median(scan)
+    ship = scan.intensity > SHIP_CONTRAST * _sea_median(scan)
     if not ship.any():
         return scan.range
-    # Imported here because scipy takes a tenth of a second or more.
     from scipy.ndimage import distance_transform_edt
 
     nearest = distance_transform_edt(~ship, return_distances=False, return_indices=True)
@@ -292,10 +291,10 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     212 m^2
     """
     level = sea_level(snapshot.looks, flight) if threshold is None else threshold
-    least = require_all("threshold", level, minimum=0.0)
+    levels = require_all("threshold", level, minimum=0.0)
     require_shape("range_", snapshot.range, snapshot.intensity.shape)
-    require_shape("threshold", least, (), snapshot.intensity.shape)
-    ship = snapshot.intensity >= least
+    require_shape("threshold", levels, (), snapshot.intensity.shape)
+    ship = snapshot.intensity >= levels
     # A range of zero is valid, at the ship's origin, so NaN marks no range.
     intensity = np.where(ship, snapshot.intensity, 0.0)
     return replace(snapshot, intensity=intensity, range=np.where(ship, snapshot.range, math.nan))

@@ -31,7 +31,7 @@ RATES = {"printed": "line", "printed_pulse_rate": "pulse"}
 """Meaning of f in the article's printed corrections: the line rate, or the pulse-repetition
 frequency, as the article states."""
 
-CELLS = 8
+CELLS_PER_PIXEL = 8
 """Cells of the truth along a pixel; 4 or 10 change tilts of noiseless ships by 0.1 deg."""
 
 NO_ERROR = ("none", 0.0)
@@ -49,11 +49,11 @@ returns more."""
 PERRY = ("duncan", "roberts")
 """Ships whose masts and bridge lie where the landmarks are looked for."""
 
-ENDS = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
+END_SHARES = {"measured": 0.02, "noiseless": 0.02, "synthetic": 0.05, "point": 0.05}
 """Share of the highest peak at which a ship begins. A bare deck, the only return if the transom is
 dark, reaches 0.02; pixels of a level lattice spread as much beyond a sloping stern."""
 
-SOURCES = tuple(ENDS)
+SOURCES = tuple(END_SHARES)
 
 LANDMARKS = {
     "stern_to_hangar": ("distance from the stern end to the hangar's spike", "m"),
@@ -80,7 +80,7 @@ class Chain(Correction):
 
     Attributes
     ----------
-    chain : str
+    form : str
         `exact`, or as printed by the article [1]_, `printed` or `printed_pulse_rate`.
     azimuth, mirror, range_filter : str
         As of `Correction`, for the exact chain.
@@ -103,7 +103,7 @@ class Chain(Correction):
     'pixel'
     """
 
-    chain: str = EXACT
+    form: str = EXACT
     segmentation_threshold: float | None = None
 
     def correct(
@@ -111,13 +111,13 @@ class Chain(Correction):
     ) -> Snapshot:
         """Return the corrected images of a scan, in a window; printed rows are a pixel apart."""
         arguments: dict[str, Any] = {"estimate": estimate, "window": window}
-        if self.chain != EXACT:
-            return correct_as_printed(scan, rate=RATES[self.chain], **arguments)
+        if self.form != EXACT:
+            return correct_as_printed(scan, rate=RATES[self.form], **arguments)
         return correct(scan, self, overscanned=overscanned, **arguments)
 
     def tilt(self, scan: Scan, images: Any, truths: Any, estimate: Flight, window: Window) -> Tilt:
         """Return the tilt of corrected images, with places of looks for exact corrections only."""
-        if self.chain != EXACT:
+        if self.form != EXACT:
             return tilts(images, truths)
         row, column, _ = places(scan, self, estimate)
         return tilts(images, truths, places=(row - window.bottom, column - window.left))
@@ -129,21 +129,16 @@ class Chain(Correction):
         """
         window = ship_window(mesh, flight)
         upright = self.azimuth == "pixel" and self.mirror in MIRROR_FORMS
-        if error != NO_ERROR or self.chain != EXACT or not upright:
+        if error != NO_ERROR or self.form != EXACT or not upright:
             # Uncorrected lines rise by the mirror's angle; rows follow one another with the drift.
             turn = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
             drift, steep = abs(flight.drift / flight.climb), math.tan(abs(math.radians(turn)))
             # As printed, rows that such lines climb more slowly, or faster, keep their distance.
-            tall = 1.0 if self.chain == EXACT else 1.0 / max(1.0 - drift * steep, 0.1)
+            tall = 1.0 if self.form == EXACT else 1.0 / max(1.0 - drift * steep, 0.1)
             longest = max(window.rows, window.columns)
             above = math.ceil(longest * max(1 / 8, 1.1 * steep) + window.rows * 0.6 * (tall - 1.0))
             aside = math.ceil(window.rows * max(1.0, drift + steep) * tall)
-            window = Window(
-                bottom=window.bottom - above,
-                left=window.left - aside,
-                rows=window.rows + 2 * above,
-                columns=window.columns + 2 * aside,
-            )
+            window = window.padded(above, aside)
         if error[0] == "pointing":
             shift = math.radians(error[1]) * math.cos(math.radians(flight.depression)) / flight.ifov
             window = replace(window, left=window.left + round(shift))
@@ -170,22 +165,22 @@ def measure_tilts(
     chain: Chain,
     scan: Scan,
     clean: Scan,
-    whole: Snapshot,
+    uncut: Snapshot,
     truth: Snapshot,
     estimate: Flight,
     *,
-    shown: bool,
+    shows_ship: bool,
 ) -> Arrays:
     """Return the tilts of corrected images [deg]: both sensors together, each alone, no noise.
 
     They are `mast_tilt` and `waterline_tilt`, each with `_error`, and with the prefixes
-    `intensity_`, `infrared_` and `noiseless_`. `whole` are corrected images without a threshold,
-    `truth` the true ones on the ship's own window; `shown` says whether the intensity shows a ship.
+    `intensity_`, `infrared_` and `noiseless_`. `uncut` are corrected images without a threshold,
+    `truth` the true ones on the ship's own window; `shows_ship` is of the intensity.
     """
-    pixels = whole.window
+    pixels = uncut.window
     # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
     truths = [_pad_values(truth, values, pixels) for values in (truth.intensity, truth.infrared)]
-    images = [whole.intensity * shown, whole.infrared]
+    images = [uncut.intensity * shows_ship, uncut.infrared]
     tilt = partial(chain.tilt, estimate=estimate, window=pixels)
     noiseless = chain.correct(clean, estimate, pixels).infrared
     lean = tilt(scan, images, truths)
@@ -237,8 +232,8 @@ def model_profiles(
 
 def _pad_values(truth: Snapshot, values: Floats, window: Window) -> Floats:
     """Return values of a truth padded from its own window to a larger one."""
-    above = (window.rows - truth.window.rows) // 2 * CELLS
-    aside = (window.columns - truth.window.columns) // 2 * CELLS
+    above = (window.rows - truth.window.rows) // 2 * CELLS_PER_PIXEL
+    aside = (window.columns - truth.window.columns) // 2 * CELLS_PER_PIXEL
     return np.pad(values, ((above, above), (aside, aside)))
 
 
@@ -261,7 +256,7 @@ def compare_profiles(
     marks: list[Landmarks | None] = [None] * len(SOURCES)
     if astern:
         near = (spike - HANGAR_REACH, spike + HANGAR_REACH)
-        for k, (line, end) in enumerate(zip(profiles, ENDS.values(), strict=False)):
+        for k, (line, end) in enumerate(zip(profiles, END_SHARES.values(), strict=False)):
             with suppress(NothingSeenError):
                 marks[k] = landmarks(line, down_range, hangar=near, end=end)
     figures = [_landmark_values(mark, ship in PERRY) for mark in marks]

@@ -57,7 +57,7 @@ PARAMETERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """Unit and bounds of each parameter of a flight."""
 
-OPTIONAL = ("aircraft_track", "pointing")
+OPTIONAL_PARAMETERS = ("aircraft_track", "pointing")
 """Parameters that may be None."""
 
 
@@ -196,7 +196,7 @@ class Flight:
     def __post_init__(self) -> None:
         """Raise for parameters that cannot be flown."""
         for name, (_, limits) in PARAMETERS.items():
-            if getattr(self, name) is not None or name not in OPTIONAL:
+            if getattr(self, name) is not None or name not in OPTIONAL_PARAMETERS:
                 require(name, getattr(self, name), **limits)
         for name in ("samples", "detectors"):  # 160.0 is accepted, but is no array length
             object.__setattr__(self, name, int(getattr(self, name)))

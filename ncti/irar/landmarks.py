@@ -16,8 +16,8 @@ REACH = 1.5  # m; half the width of a peak
 TRANSOM = 5.0  # m from the stern end
 DECK = 4.0  # m from the stern end
 APRON = 4.0  # m before the hangar, on the slope of its peak
-END = 0.05  # share of the highest peak
-FRONT = 0.98  # share of all returns
+END_SHARE = 0.05  # share of the highest peak
+FRONT_SHARE = 0.98  # share of all returns
 PROMINENCE = 0.05  # share of the hangar's height by which a peak stands out
 
 Floats = NDArray[np.float64]
@@ -110,7 +110,7 @@ def landmarks(
     hangar: tuple[float, float] | None = None,
     mast: tuple[float, float] = MAST,
     forward: tuple[float, float] = FORWARD,
-    end: float = END,
+    end: float = END_SHARE,
 ) -> Landmarks:
     """Measure the landmarks of a near-stern profile.
 
@@ -198,7 +198,6 @@ def landmarks(
         share = _energy(values, centres, place, width) / energy
         return Peak(place - spike, float(values[index]) / height, share)
 
-    # Imported here because scipy.signal takes half a second.
     from scipy.signal import find_peaks
 
     # Zeros on both sides, so that a maximum at the profile's end is a peak, too.
@@ -295,7 +294,7 @@ def _ends(values: Floats, centres: Floats, width: float, end: float) -> tuple[fl
     stern = int(np.flatnonzero(values >= end * values.max())[0])
     arrived = np.concatenate([[0.0], np.cumsum(np.maximum(values[stern:], 0.0))])
     edges = centres[stern] - width / 2 + width * np.arange(arrived.size)
-    return float(centres[stern]), float(np.interp(FRONT * arrived[-1], arrived, edges))
+    return float(centres[stern]), float(np.interp(FRONT_SHARE * arrived[-1], arrived, edges))
 
 
 def _centroid(values: Floats, centres: Floats, top: int) -> float:

@@ -29,20 +29,20 @@ def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> 
     """
     require_all("rows", rows)
     require("columns", columns, whole=True, minimum=1)
-    wide, high = int(columns), len(rows)
+    width, height = int(columns), len(rows)
     # Column of each sample, and the range of rows whose windows contain it.
-    place = np.searchsorted(np.arange(wide + 1) - 0.5, column.ravel(), side="right") - 1
+    place = np.searchsorted(np.arange(width + 1) - 0.5, column.ravel(), side="right") - 1
     # A sample belongs to windows first to last - 1, which have begun and not yet ended.
     first = np.searchsorted(rows + 0.5, row.ravel(), side="right")
     last = np.searchsorted(rows - 0.5, row.ravel(), side="right")
-    inside = (place >= 0) & (place < wide) & (first < last)
+    inside = (place >= 0) & (place < width) & (first < last)
     samples = np.flatnonzero(inside)
     samples = samples[np.lexsort((row.ravel()[samples], place[samples]))]
     # Sorted by column and row, a window's samples are contiguous: counts give where each begins.
-    offset = place[samples] * (high + 1)
+    offset = place[samples] * (height + 1)
     begin, end = (
-        np.cumsum(np.bincount(offset + window[samples], minlength=wide * (high + 1)))
-        .reshape(wide, high + 1)[:, :high]
+        np.cumsum(np.bincount(offset + window[samples], minlength=width * (height + 1)))
+        .reshape(width, height + 1)[:, :height]
         .T
         for window in (last, first)
     )
@@ -123,17 +123,17 @@ def _densest_mean(looks: Floats, window: float) -> Floats:
     # Number of looks in the window that begins at each look, including itself.
     size = np.zeros(looks.shape, dtype=np.int32)
     for lag in range(depth):
-        within = looks[lag:] - looks[: depth - lag] <= window
-        if not within.any():
+        is_near = looks[lag:] - looks[: depth - lag] <= window
+        if not is_near.any():
             break
-        size[: depth - lag] += within.view(np.int8)
+        size[: depth - lag] += is_near.view(np.int8)
     # Fullest window of each pixel, and the tightest of equally full ones.
-    most = size.max(axis=0)
+    fullest = size.max(axis=0)
     rank = np.arange(depth)[:, None]
-    reach = np.take_along_axis(looks, np.minimum(rank + most - 1, depth - 1), axis=0) - looks
-    begin = np.where(size == most, reach, np.inf).argmin(axis=0)
-    inside = (rank >= begin) & (rank < begin + most)
+    reach = np.take_along_axis(looks, np.minimum(rank + fullest - 1, depth - 1), axis=0) - looks
+    begin = np.where(size == fullest, reach, np.inf).argmin(axis=0)
+    inside = (rank >= begin) & (rank < begin + fullest)
     nearest = np.take_along_axis(looks, begin[None], axis=0)[0]
     # Mean relative to the nearest, so that equal ranges give exactly that range.
     beyond = np.where(inside, looks - nearest, 0.0).sum(axis=0)
-    return np.where(most > 0, nearest + beyond / np.maximum(most, 1), np.nan)
+    return np.where(fullest > 0, nearest + beyond / np.maximum(fullest, 1), np.nan)

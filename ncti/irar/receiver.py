@@ -50,9 +50,9 @@ def noise_peak(
     uniform, depth = np.broadcast_arrays(uniform, depth)
     level = np.empty(uniform.shape)
     for length in np.unique(depth):  # few: the gate, and the gate without a waveform
-        same = depth == length
+        has_depth = depth == length
         below = noise_probability(levels, depth=length, pulse_length=pulse_length)
-        level[same] = np.interp(uniform[same], below, levels)
+        level[has_depth] = np.interp(uniform[has_depth], below, levels)
     return level
 
 
@@ -165,9 +165,9 @@ def _peak_of_mean(power: Floats, distance: Floats, pulse_length: float) -> tuple
     total = np.where(power > 0, np.einsum("skl,sl->sk", response, power), 0.0)
     take = np.arange(len(total)), total.argmax(axis=1)
     weight = response[take] * power
-    weighed = weight.sum(axis=1)
+    total_weight = weight.sum(axis=1)
     middle = np.full(len(total), np.nan)
-    np.divide((weight * distance).sum(axis=1), weighed, out=middle, where=weighed > 0)
+    np.divide((weight * distance).sum(axis=1), total_weight, out=middle, where=total_weight > 0)
     return total[take], middle
 
 
@@ -205,8 +205,8 @@ def _strongest_sample(
     power = (wave.real**2 + wave.imag**2).astype(np.float64)
     size = power.shape[1]
     number = np.arange(size)
-    gated = (number >= low[:, None]) & (number < high[:, None])
-    rows, peak = np.arange(len(power)), np.where(gated, power, -1.0).argmax(axis=1)
+    inside = (number >= low[:, None]) & (number < high[:, None])
+    rows, peak = np.arange(len(power)), np.where(inside, power, -1.0).argmax(axis=1)
     value = power[rows, peak]
     before, after = power[rows, peak - 1], power[rows, (peak + 1) % size]
     bend = before - 2 * value + after

@@ -177,10 +177,10 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
     the ship, projected into the view from the aircraft's place in the snapshot: all corrections at
     once.
     """
-    now = flight.position(time)
-    nominal = np.linalg.norm(now, axis=-1)
+    position = flight.position(time)
+    nominal = np.linalg.norm(position, axis=-1)
     reach = np.where(np.isnan(ranges), nominal, ranges)
-    point = now + reach[..., None] * _beams(flight, time.shape)
+    point = position + reach[..., None] * _beams(flight, time.shape)
     sight = point - flight.position(np.zeros(()))
     row, column = _image_places(flight, sight)
     distance = np.linalg.norm(sight, axis=-1)
@@ -247,15 +247,15 @@ def motion_displacement(
         shift = flight.line_rate * flight_shift(flight, flight.slant_range, rate=flight.line_rate)
         return row, -shift * time, approach_rate(flight) * time
     # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
-    now = flight.position(time)
-    nominal = np.linalg.norm(now, axis=-1)
+    position = flight.position(time)
+    nominal = np.linalg.norm(position, axis=-1)
     if method == "line":
-        row, column = _image_places(flight, -now)
+        row, column = _image_places(flight, -position)
         return -row, -column, flight.slant_range - nominal
     row, column, distance = snapshot_places(flight, time, ranges)
     row_now, column_now = _image_places(flight, _beams(flight, time.shape))
-    then = np.linalg.norm(flight.position(np.zeros(())))
-    closer = np.where(np.isnan(ranges), then - nominal, distance - ranges)
+    nominal_snapshot = np.linalg.norm(flight.position(np.zeros(())))
+    closer = np.where(np.isnan(ranges), nominal_snapshot - nominal, distance - ranges)
     return row - row_now, column - column_now, closer
 
 

@@ -58,14 +58,8 @@ class Returns:
         inside = column >= columns
         width = self.shape[1] - columns
         place = line[inside] * width + column[inside] - columns
-        return Returns(
-            (self.shape[0], width),
-            place,
-            self.ray[inside],
-            self.distance[inside],
-            self.power[inside],
-            self.rays,
-        )
+        rest = {name: getattr(self, name)[inside] for name in ("ray", "distance", "power")}
+        return replace(self, shape=(self.shape[0], width), place=place, **rest)
 
 
 @dataclass(frozen=True)
@@ -116,19 +110,19 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     # Times at which lines meet the ship's corners, with a margin.
     aimed = flight if flight.pointing is not None else _aim_scan(flight, corners)
     name = "offset" if flight.pointing is None else "pointing"
-    meets, along, pace = _crossings(aimed, corners, name=name)
+    times, along, pace = _crossings(aimed, corners, name=name)
     margin = MARGIN * flight.ifov + 4 * flight.jitter
-    within = margin / pace.min() + flight.samples / flight.pulse_rate
-    start, stop = float(meets.min()) - within, float(meets.max()) + within
+    reach = margin / pace.min() + flight.samples / flight.pulse_rate
+    start, stop = float(times.min()) - reach, float(times.max()) + reach
     if (stop - start) * flight.line_rate > MAX_LINES:
         raise ValueError(
             f"line_rate is {flight.line_rate:g}, but must be at most "
             f"{MAX_LINES / (stop - start):.3g}, for {MAX_LINES} lines in this pass"
         )
-    needed = math.ceil(2 * (float(np.abs(along).max()) + margin) / flight.ifov)
-    if flight.pointing is None and needed > flight.samples:
+    samples = math.ceil(2 * (float(np.abs(along).max()) + margin) / flight.ifov)
+    if flight.pointing is None and samples > flight.samples:
         raise ValueError(
-            f"samples is {flight.samples}, but must be at least {needed} for this ship and its "
+            f"samples is {flight.samples}, but must be at least {samples} for this ship and its "
             "drift across the scan"
         )
     first, last = math.floor(start * flight.line_rate), math.ceil(stop * flight.line_rate)

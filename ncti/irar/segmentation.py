@@ -11,9 +11,9 @@ from ncti.checks import require_all
 from ncti.irar.receiver import noise_probability
 
 _STEP = 1 / 32  # noise powers, of one look's distribution
-_BEYOND = 40.0  # noise powers above the median peak, with a probability of exp(-40)
-_NEVER = 1e-300  # least probability, so that its logarithm is finite
-_WRAPPED = 12.0  # a fraction exp(-12) of the false alarms may be wrapped around
+_PEAK_MARGIN = 40.0  # noise powers above the median peak, with a probability of exp(-40)
+_MIN_PROBABILITY = 1e-300  # least probability, so that its logarithm is finite
+_WRAP_EXPONENT = 12.0  # a fraction exp(-12) of the false alarms may be wrapped around
 
 
 def noise_threshold(
@@ -42,7 +42,6 @@ def noise_threshold(
     require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
     if not looks.size:
         return np.empty(looks.shape)
-    # Imported here because scipy takes a tenth of a second.
     from scipy import fft
 
     share, step = _noise_look(depth, pulse_length, dropout)
@@ -51,9 +50,9 @@ def noise_threshold(
     # wraps around into the window.
     value = np.arange(len(share)) * step
     mean = share @ value
-    rare = _WRAPPED - math.log(false_alarm)
-    spread = np.sqrt(2 * rare * numbers * (share @ (value - mean) ** 2))
-    jump = rare * (1 + mean + min(dropout, value[-1]) / 3)
+    exponent = _WRAP_EXPONENT - math.log(false_alarm)
+    spread = np.sqrt(2 * exponent * numbers * (share @ (value - mean) ** 2))
+    jump = exponent * (1 + mean + min(dropout, value[-1]) / 3)
     low = np.maximum((numbers * mean - spread - jump) / step, 0).astype(np.intp)
     width = 2 * float(spread[-1] + jump) / step
     size = fft.next_fast_len(max(math.ceil(width), len(share)), real=True)
@@ -67,8 +66,8 @@ def noise_threshold(
         # above[k] is the probability of the last k + 1 values; interpolate it in its logarithm.
         above = np.cumsum(total[::-1])
         index = int(np.searchsorted(above, false_alarm, side="right"))
-        more, less = above[index], max(above[index - 1], _NEVER)
-        inside = math.log(more / false_alarm) / math.log(more / less)
+        upper, lower = above[index], max(above[index - 1], _MIN_PROBABILITY)
+        inside = math.log(upper / false_alarm) / math.log(upper / lower)
         thresholds[i] = (low[i] + size - 1.5 - index + inside) * step
     return (np.maximum(thresholds, dropout) / numbers)[place].reshape(looks.shape)
 
@@ -81,10 +80,10 @@ def _noise_look(
     Value j covers (j - 1/2, j + 1/2] steps; a dropout ends at such an edge.
     """
     # Above this level even one crossing in the gate has a probability below exp(-40).
-    top = math.log1p(depth / pulse_length) + _BEYOND
-    least = min(dropout, top)
-    first = max(1, round(least / _STEP))
-    step = max(least, _STEP / 2) / (first - 0.5)
+    top = math.log1p(depth / pulse_length) + _PEAK_MARGIN
+    lowest = min(dropout, top)
+    first = max(1, round(lowest / _STEP))
+    step = max(lowest, _STEP / 2) / (first - 0.5)
     edges = (np.arange(first, math.ceil(top / step) + 2, dtype=np.float64) - 0.5) * step
     below = noise_probability(edges, depth=depth, pulse_length=pulse_length)
     share = np.zeros(first + len(edges))

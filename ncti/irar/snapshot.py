@@ -50,6 +50,15 @@ class Window:
     rows: int
     columns: int
 
+    def padded(self, rows: int, columns: int) -> Window:
+        """Return the window with as many more rows and columns on either side."""
+        return Window(
+            self.bottom - rows,
+            self.left - columns,
+            self.rows + 2 * rows,
+            self.columns + 2 * columns,
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
@@ -196,10 +205,7 @@ def ship_window(mesh: trimesh.Trimesh, flight: Flight, *, margin: int = 3) -> Wi
     """
     right, up, away = flight.snapshot_axes @ np.asarray(mesh.vertices, dtype=np.float64).T
     scale = flight.ifov * (flight.slant_range + away)
-    ends = window_of(up / scale, right / scale)
-    return Window(
-        ends.bottom - margin, ends.left - margin, ends.rows + 2 * margin, ends.columns + 2 * margin
-    )
+    return window_of(up / scale, right / scale).padded(margin, margin)
 
 
 def true_snapshot(

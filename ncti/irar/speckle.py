@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ncti.irar.flight import WAVELENGTH, Flight
 
-INDEPENDENT = 1e-3
+MIN_CORRELATION = 1e-3
 """Correlation of the field below which looks are drawn independently."""
 
 
@@ -44,9 +44,8 @@ def speckle(
     """
     field = rng.standard_normal((*shape, 2), dtype=np.float32).view(np.complex64)[..., 0]
     field *= np.float32(math.sqrt(0.5))
-    if correlation < INDEPENDENT:
+    if correlation < MIN_CORRELATION:
         return field
-    # Imported here because scipy.signal takes half a second.
     from scipy.signal import lfilter
 
     field[1:] *= np.float32(math.sqrt(1 - correlation**2))

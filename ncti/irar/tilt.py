@@ -154,7 +154,7 @@ def tilts(
     >>> print(f"{tilt.mast:.0f} +- {tilt.mast_error:.1f} deg")
     5 +- 0.1 deg
     """
-    from ncti.irar.seen import Looks, Truth  # numba takes long to import
+    from ncti.irar.seen import Looks, Truth
 
     observed, cells, known = _checked_images(image, truth)
     rows, columns = observed.shape[1:]
@@ -175,7 +175,7 @@ def tilts(
         cells = np.stack([_refine_rows(_refine_rows(c, refinement).T, refinement).T for c in cells])
     factor *= refinement
 
-    least, lean = (_MIN_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
+    min_scatter, lean = (_MIN_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
     if places is None:  # spread evenly over each pixel, one per cell
         row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
         row, column = np.broadcast_arrays(row[:, None], column)
@@ -187,7 +187,7 @@ def tilts(
     # A first estimate from whole shifts, then a fit of the pixels around the ship.
     place = _starting_place(observed, view, looks)
     box = _ship_block(view.image(place, looks)[0])
-    fit = fit_place(observed[:, *box], known[:, *box], view, looks.block(*box), place, least)
+    fit = fit_place(observed[:, *box], known[:, *box], view, looks.block(*box), place, min_scatter)
     if fit is None:
         return _NONE
     return _tilt(*fit, (lean / view.rows, lean / view.columns))
@@ -245,7 +245,6 @@ def _ship_block(model: Floats) -> tuple[slice, slice]:
 
 def _starting_place(observed: Floats, view: Truth, looks: Looks) -> Floats:
     """Return a place from the best shifts of whole rows, then of whole columns."""
-    # Imported here because scipy.stats takes half a second.
     from scipy.stats import theilslopes
 
     place = np.array(START)

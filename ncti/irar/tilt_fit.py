@@ -47,25 +47,25 @@ class _Estimate:
 
 
 def fit_place(
-    seen: Floats,
+    observed: Floats,
     known: NDArray[np.bool_],
     view: Truth,
     looks: Looks,
     place: Floats,
-    least: float,
+    min_scatter: float,
 ) -> tuple[Floats, Floats] | None:
     """Return the place of a truth in an image (6,), by robust least squares, and its covariance.
 
-    `seen` (channel, row, column) is in units of the ship's brightness, `known` masks the pixels to
-    fit; `place` (6,) is the start, as of `START`; `least` the least scatter of residuals, as a
-    share of the model. Returns None if a channel shows too little of the ship. Gauss-Newton steps
-    with Tukey's biweight; the noise floor falls in stages, since with a high floor every residual
-    is an inlier while the start is still wrong.
+    `observed` (channel, row, column) is in units of the ship's brightness, `known` masks the pixels
+    to fit; `place` (6,) is the start, as of `START`; `min_scatter` is in shares of the model.
+    Returns None if a channel shows too little of the ship. Gauss-Newton steps with Tukey's
+    biweight; the noise floor falls in stages, since with a high floor every residual is an inlier
+    while the start is still wrong.
     """
-    channels = len(seen)
+    channels = len(observed)
     fit = _Estimate(place, np.ones(channels), np.zeros(channels), np.ones(channels))
     covariance = np.full((6, 6), np.nan)
-    for floor, passes, settled in _STAGES:
+    for floor, passes, smallest_step in _STAGES:
         for _ in range(passes):
             model, slopes = view.image(fit.place, looks)
             if (((model > 0) & known).sum(axis=(1, 2)) < _MIN_PIXELS).any():
@@ -73,7 +73,9 @@ def fit_place(
             # One linear system for all channels: they share the place, not gain and offset.
             design, misfit, scatter = zip(
                 *(
-                    _equations(fit, c, seen[c], known[c], model[c], slopes[c], floor, least)
+                    _equations(
+                        fit, c, observed[c], known[c], model[c], slopes[c], floor, min_scatter
+                    )
                     for c in range(channels)
                 ),
                 strict=True,
@@ -83,7 +85,7 @@ def fit_place(
             change = inverse @ (terms.T @ np.concatenate(misfit))
             fit, step = fit.step(change, np.array(scatter))
             covariance = inverse[:6, :6]
-            if step < settled:
+            if step < smallest_step:
                 break
     return fit.place, covariance
 
@@ -96,7 +98,7 @@ def _equations(
     model: Floats,
     slopes: Floats,
     floor: float,
-    least: float,
+    min_scatter: float,
 ) -> tuple[Floats, Floats, float]:
     """Return the weighted linear equations of one channel, and its new scatter.
 
@@ -113,7 +115,7 @@ def _equations(
     spread = np.maximum(gain * model + offset, 0.0) + noise
     # The scatter is that of the median residual of the ship's brighter pixels.
     bright = (model > model.max() / 5) & known
-    scatter = max(1.4826 * float(np.median(np.abs((residual / spread)[bright]))), least)
+    scatter = max(1.4826 * float(np.median(np.abs((residual / spread)[bright]))), min_scatter)
 
     # Tukey's biweight leaves out residuals beyond `_TUKEY` standard deviations.
     unit = residual / (spread * scatter)

@@ -9,12 +9,12 @@ import numpy as np
 
 from ncti.checks import require
 from ncti.ladar.beam import Signal
-from ncti.ladar.expected import STRONGEST
+from ncti.ladar.expected import MAX_CNR
 from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.pulse import noise_floor
 
-LOUDEST = 200.0
-"""Largest level [dB], equal to `STRONGEST`."""
+MAX_DECIBELS = 200.0
+"""Largest level [dB], equal to `MAX_CNR`."""
 
 
 def power_ratio(decibels: float) -> float:
@@ -48,7 +48,7 @@ def power_ratio(decibels: float) -> float:
     >>> round(power_ratio(32), 1)
     1584.9
     """
-    require("decibels", decibels, minimum=-LOUDEST, maximum=LOUDEST)
+    require("decibels", decibels, minimum=-MAX_DECIBELS, maximum=MAX_DECIBELS)
     return float(10 ** (decibels / 10))
 
 
@@ -114,7 +114,7 @@ def carrier_to_noise(
     48.0 dB
     """
     require("slant_range", slant_range, minimum=1.0, maximum=1e9)
-    require("reference", reference, positive=True, maximum=STRONGEST)
+    require("reference", reference, positive=True, maximum=MAX_CNR)
     require("reference_range", reference_range, minimum=1.0, maximum=1e9)
     require("extinction", extinction, minimum=0.0)
     two_way_db = 2 * extinction * (slant_range - reference_range)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from ncti.checks import require
 from ncti.ladar.extent import RangeExtent
-from ncti.ladar.pulse import noise_floor, target_kernel
+from ncti.ladar.pulse import Pulse, noise_floor, target_kernel
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
-STRONGEST = 1e20
+MAX_CNR = 1e20
 """Largest carrier-to-noise ratio, 200 dB: the powers of frames stay finite in float32."""
 
 
@@ -95,11 +95,9 @@ def expected_profile(
     >>> print(f"{profile.max():.1f} at {extent.down_range[profile.argmax()]:.1f} m")
     79.2 at -1.5 m
     """
-    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("cnr", cnr, minimum=0.0, maximum=MAX_CNR)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
-    kernel = target_kernel(
-        pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
-    )
+    kernel = target_kernel(Pulse(pulse_width, extent.bin_width), extent.down_range.size)
     # Terms A and B of Equation C, for every IFOV and bin.
     a = (math.pi / 2) * cnr * extent.density @ (kernel**2).T
     b = noise_floor() ** 2

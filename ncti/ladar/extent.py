@@ -382,7 +382,7 @@ def _bin_pixels(
     It spreads pixels over boxes in range, sorts them into IFOVs and bins them; for the error
     estimate, it also bins every second row and column as an image of pixels twice as wide.
     """
-    from ncti.ladar import pixels  # numba takes long to import
+    from ncti.ladar import pixels
 
     half_window, bin_width, bin_count = bins
     hit = np.nonzero(image.hit)

@@ -11,11 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.ladar.extent import RangeExtent
-from ncti.ladar.pulse import (
-    mirrored_factors,
-    noise_by_lag,
-    target_kernel,
-)
+from ncti.ladar.pulse import Pulse, mirrored_factors, noise_by_lag, target_kernel
 
 # Frames and IFOVs of one matrix product. The last bit of a product depends on its number of rows,
 # and a frame must not depend on the number of later frames, so target-free sums always have
@@ -23,7 +19,7 @@ from ncti.ladar.pulse import (
 ROWS_AT_ONCE, IFOVS_AT_ONCE = 8, 32
 # Share of the standard deviation of the noise below which the field of the target is neglected: a
 # sixtieth of the rounding error of float32.
-UNFELT = 1e-9
+NEGLIGIBLE_FIELD = 1e-9
 
 
 class Speckle(NamedTuple):
@@ -40,16 +36,16 @@ class Speckle(NamedTuple):
         cls, extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
     ) -> Speckle:
         """Return the speckle of a view, for each bin as far as it exceeds the rounding of noise."""
-        pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+        pulse = Pulse(pulse_width, extent.bin_width)
         bins = extent.down_range.size
-        response = _response(**pulse, bin_count=bins)
+        response = _response(pulse, bins)
         density = extent.density
         (occupied,) = density.reshape(-1).nonzero()
         amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
-        least_field = UNFELT * math.sqrt(noise_by_lag(**pulse, bin_count=1)[0])
+        negligible = NEGLIGIBLE_FIELD * math.sqrt(noise_by_lag(pulse, 1)[0])
         # The response falls with the lag: the reach is the number of lags above a bin's threshold.
         with np.errstate(divide="ignore"):
-            relative = least_field / amplitude
+            relative = negligible / amplitude
         reach = bins - response[:bins].searchsorted(relative, side="right")
         ifovs = len(density)
         first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
@@ -57,9 +53,9 @@ class Speckle(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def _response(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+def _response(pulse: Pulse, bin_count: int) -> NDArray[np.float32]:
     """Return `target_kernel` by lag, the most negative lag first, its far tails set to zero."""
-    kernel = target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
+    kernel = target_kernel(pulse, bin_count)
     by_lag = np.concatenate([kernel[0, :0:-1], kernel[0]])
     # Subnormal float32 numbers are a hundred times slower to multiply.
     return np.where(by_lag > 1e-20, by_lag, 0.0).astype(np.float32)
@@ -77,10 +73,9 @@ class Noise(NamedTuple):
 
     @classmethod
     @lru_cache(maxsize=32)
-    def of(cls, *, pulse_width: float, bin_width: float, bin_count: int) -> Noise:
+    def of(cls, pulse: Pulse, bin_count: int) -> Noise:
         """Return the noise of a pulse."""
-        by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-        return cls(bin_count, *mirrored_factors(by_lag, tolerance=1e-6))
+        return cls(bin_count, *mirrored_factors(noise_by_lag(pulse, bin_count), tolerance=1e-6))
 
 
 class Waveforms:
@@ -95,16 +90,15 @@ class Waveforms:
         self, noise: Noise, speckle: Speckle, *, key: NDArray[np.uint64], cell: NDArray[np.int64]
     ) -> None:
         self.noise, self.speckle, self.key, self.cell = noise, speckle, key, cell
-        most = min(IFOVS_AT_ONCE, len(cell))
+        ifovs = min(IFOVS_AT_ONCE, len(cell))
         half = noise.even.shape[1]
         self.sizes = len(noise.even), len(noise.odd), half, half
-        rows = 2 * most * ROWS_AT_ONCE
+        rows = 2 * ifovs * ROWS_AT_ONCE
         self.halves = [np.empty(rows * size, dtype=np.float32) for size in self.sizes]
-        self.magnitude = np.empty(most * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
+        self.magnitude = np.empty(ifovs * ROWS_AT_ONCE * noise.bins, dtype=np.float32)
 
     def magnitudes(self, first: int, frames: int) -> Iterator[NDArray[np.float32]]:
         """Yield (frame, ifov, bin) magnitudes of blocks of IFOVs, of up to ROWS_AT_ONCE frames."""
-        # Imported here because numba is slow to import.
         from ncti.ladar.waveforms import put_magnitudes
         from ncti.normals import draw_places, draw_run, put_streams
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require, require_generator
-from ncti.ladar.expected import STRONGEST
+from ncti.ladar.expected import MAX_CNR
 from ncti.ladar.extent import RangeExtent
 from ncti.ladar.fields import ROWS_AT_ONCE, Noise, Speckle, Waveforms
 from ncti.ladar.moments import floor_by_lag, floor_reach
-from ncti.ladar.pulse import noise_by_lag, noise_floor
+from ncti.ladar.pulse import Pulse, noise_by_lag, noise_floor
 from ncti.ladar.receivers import FALSE_ALARM, detect
 
 # Number of target-free IFOVs from which their sum is drawn as one Gaussian process: the sum of 100
@@ -24,7 +24,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 GAUSSIAN_FROM = 100
 FRAMES_AT_ONCE = 32
 MAX_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
-ELSEWHERE = 2**40  # row of the cells of IFOVs without target, beyond any ship
+TARGET_FREE_ROW = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
 def sample_frames(
@@ -132,10 +132,8 @@ def sample_frames(
         false_alarm=false_alarm,
     )
     frames = np.empty((int(frame_count), extent.down_range.size))
-    first = 0
-    for block in blocks:
-        frames[first : first + len(block)] = block
-        first += len(block)
+    for first, block in zip(range(0, len(frames), FRAMES_AT_ONCE), blocks, strict=True):
+        frames[first : first + FRAMES_AT_ONCE] = block
     return frames
 
 
@@ -192,37 +190,36 @@ def frame_blocks(
     >>> print(f"{average.mean() / (20 * noise_floor()):.2f}")
     1.00
     """
-    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("cnr", cnr, minimum=0.0, maximum=MAX_CNR)
     require("frame_count", frame_count, minimum=1, whole=True)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
     require_generator("rng", rng)
     frame_count, target_free_ifovs = int(frame_count), int(target_free_ifovs)
     bins = extent.down_range.size
-    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
+    pulse = Pulse(pulse_width, extent.bin_width)
     as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
     if not as_sum and target_free_ifovs > MAX_DRAWN:
         raise ValueError(
             f"target_free_ifovs is {target_free_ifovs}, but must be at most {MAX_DRAWN} for the "
             f"receiver {receiver}, which sees each of them"
         )
-    # Imported here because numba is slow to import.
     from ncti.ladar.waveforms import accumulate_frames
     from ncti.normals import draw_key
 
-    noise = Noise.of(**pulse, bin_count=bins)
+    noise = Noise.of(pulse, bins)
     singles = 0 if as_sum else target_free_ifovs
     speckle = Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=singles)
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
     detected(np.zeros((0, bins), dtype=np.float32))  # checks its parameters
     level = target_free_ifovs * noise_floor() if as_sum else 0.0
     key = draw_key(rng)
-    elsewhere = np.stack([np.arange(singles), np.full(singles, ELSEWHERE)], axis=1)
+    elsewhere = np.stack([np.arange(singles), np.full(singles, TARGET_FREE_ROW)], axis=1)
     cell = np.concatenate([extent.cell, elsewhere])
 
     def blocks() -> Iterator[NDArray[np.float64]]:
         """Yield the blocks, from normals and waveforms in reused memory."""
         waveforms = Waveforms(noise, speckle, key=key, cell=cell)
-        floor = _TargetFreeNoise(**pulse, bin_count=bins, key=key) if as_sum else None
+        floor = _TargetFreeNoise(pulse, bins, key) if as_sum else None
         for first in range(0, frame_count, FRAMES_AT_ONCE):
             block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
             for start in range(0, len(block), ROWS_AT_ONCE):
@@ -321,20 +318,19 @@ def averaged_frames(
 class _TargetFreeNoise:
     """Deviation of the sum of target-free IFOVs from its mean, scaled to one IFOV."""
 
-    def __init__(self, *, key: NDArray[np.uint64], bin_count: int, **pulse: float) -> None:
+    def __init__(self, pulse: Pulse, bin_count: int, key: NDArray[np.uint64]) -> None:
         self.key, self.bins = key, bin_count
-        self.transfer = _floor_filter(**pulse, bin_count=bin_count)
+        self.transfer = _floor_filter(pulse, bin_count)
         self.normals = np.zeros((ROWS_AT_ONCE, 2, len(self.transfer) - 1), dtype=np.float32)
 
     def deviations(self, first: int, frames: int) -> NDArray[np.float32]:
         """Return (frame, bin) deviations of up to ROWS_AT_ONCE frames."""
-        # Imported here because scipy takes a tenth of a second, and numba is slow to import.
         from scipy.fft import irfft, rfft
 
         from ncti.normals import draw_run, put_streams
 
         streams = np.empty((frames, 1), dtype=np.uint64)
-        put_streams(self.key, first, np.array([[0, ELSEWHERE]]), streams)
+        put_streams(self.key, first, np.array([[0, TARGET_FREE_ROW]]), streams)
         # Rows beyond `frames` keep old values, which do not affect the others.
         draw_run(self.key, streams, 0, self.normals)
         white = self.normals.reshape(ROWS_AT_ONCE, -1)
@@ -343,18 +339,16 @@ class _TargetFreeNoise:
 
 
 @lru_cache(maxsize=32)
-def _floor_filter(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float32]:
+def _floor_filter(pulse: Pulse, bin_count: int) -> NDArray[np.float32]:
     """Return the transfer function that gives white noise the covariance of a target-free IFOV.
 
     Noise that is periodic over the window plus the reach of its correlation has exactly this
     covariance in the window (circulant embedding).
     """
-    # Imported here because scipy takes a tenth of a second.
     from scipy.fft import next_fast_len, rfft
 
-    pulse = {"pulse_width": pulse_width, "bin_width": bin_width}
-    reach = floor_reach(**pulse)
+    reach = floor_reach(pulse)
     half = next_fast_len(math.ceil(max(bin_count + reach, 2 * reach) / 2), real=True)
-    floor = floor_by_lag(noise_by_lag(**pulse, bin_count=half + 1))
+    floor = floor_by_lag(noise_by_lag(pulse, half + 1))
     spectrum = rfft(np.concatenate([floor, floor[-2:0:-1]])).real
     return np.sqrt(np.maximum(spectrum, 0.0)).astype(np.float32)

@@ -17,7 +17,7 @@ def _sample() -> None:
 
 def _bin() -> None:
     """Bin one box, which compiles its loop."""
-    from ncti.ladar.pixels import bin_boxes  # numba takes long to import
+    from ncti.ladar.pixels import bin_boxes
 
     unit = np.ones(1)
     bin_boxes(np.zeros(1, np.intp), unit, unit, unit, 1, 4)

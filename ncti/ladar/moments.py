@@ -9,15 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
-from ncti.ladar.expected import STRONGEST
+from ncti.ladar.expected import MAX_CNR
 from ncti.ladar.extent import REFERENCE_BIN, RangeExtent
-from ncti.ladar.pulse import (
-    noise_by_lag,
-    noise_floor,
-    noise_width,
-    target_kernel,
-    target_width,
-)
+from ncti.ladar.pulse import Pulse, noise_by_lag, noise_floor, target_kernel
 
 # Share of the variance of one target-free IFOV below which field powers and covariances are
 # neglected. The error for a view of 30 IFOVs is then some 1e-12 of its variance.
@@ -190,17 +184,17 @@ def banded_frame_moments(
     >>> print(f"{band[0, mean.argmax()] ** 0.5 / mean.max():.3f}")
     0.261
     """
-    require("cnr", cnr, minimum=0.0, maximum=STRONGEST)
+    require("cnr", cnr, minimum=0.0, maximum=MAX_CNR)
     require("target_free_ifovs", target_free_ifovs, minimum=0, whole=True)
     require("frame_count", frame_count, minimum=1, whole=True)
     bins = extent.down_range.size
-    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
-    noise = noise_by_lag(**pulse, bin_count=bins)
+    pulse = Pulse(pulse_width, extent.bin_width)
+    noise = noise_by_lag(pulse, bins)
     # T in steps of half a bin from bin 0, variance of each bin, and bins where the target counts.
-    power = cnr * extent.density @ _half_bin_kernel(**pulse, bin_count=bins)
+    power = cnr * extent.density @ _half_bin_kernel(pulse, bins)
     variance = power[:, ::2] + noise[0]
     live = power[:, ::2] > NEGLIGIBLE * noise[0]
-    n_z = target_width(**pulse)
+    n_z = pulse.n_z
     everywhere = len(power) + target_free_ifovs
 
     # Means and variances, which need no elliptic integral.
@@ -239,9 +233,7 @@ def frame_variance(
     IFOVs are independent, and the variance of a Rayleigh magnitude is 4 / pi - 1 times its mean
     squared.
     """
-    kernel = target_kernel(
-        pulse_width=pulse_width, bin_width=extent.bin_width, bin_count=extent.down_range.size
-    )
+    kernel = target_kernel(Pulse(pulse_width, extent.bin_width), extent.down_range.size)
     power = cnr * extent.density.sum(axis=0) @ (kernel**2).T
     # Squared means of the target add up, like variances.
     squares = (math.pi / 2) * power + (len(extent.density) + target_free_ifovs) * noise_floor() ** 2
@@ -253,10 +245,9 @@ def floor_by_lag(noise: Floats) -> Floats:
     return noise[0] * _bracket(np.square(noise / noise[0]))
 
 
-def floor_reach(*, pulse_width: float, bin_width: float) -> int:
+def floor_reach(pulse: Pulse) -> int:
     """Return the lag from which on `floor_by_lag` is below NEGLIGIBLE times its variance."""
-    n_t = noise_width(pulse_width, bin_width)
-    return math.ceil(n_t * math.sqrt(-math.log(NEGLIGIBLE)) / 2)
+    return math.ceil(pulse.n_t * math.sqrt(-math.log(NEGLIGIBLE)) / 2)
 
 
 def _live_pairs(
@@ -277,7 +268,6 @@ def _live_pairs(
 
 def _bracket(m: Floats) -> Floats:
     """Return 2 E(m) - (1 - m) K(m) - pi/2 for m in [0, 1]; see `magnitude_covariance`."""
-    # Imported here because scipy takes a tenth of a second.
     from scipy.special import ellipe, ellipk
 
     m = np.minimum(m, 1.0)
@@ -303,13 +293,12 @@ def _correlation_reach(peak: float, *, n_z: float, bin_count: int) -> int:
 
 
 @lru_cache(maxsize=8)
-def _half_bin_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> Floats:
+def _half_bin_kernel(pulse: Pulse, bin_count: int) -> Floats:
     """Return the (bin, 2 bin - 1) power response at half bins to a scatterer in each bin."""
     # Called for its checks alone.
-    target_kernel(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    n_z = target_width(pulse_width, bin_width)
+    target_kernel(pulse, bin_count)
     lag = np.subtract.outer(np.arange(bin_count), np.arange(2 * bin_count - 1) / 2)
-    kernel = np.exp(-8 * lag**2 / n_z**2) / n_z
+    kernel = np.exp(-8 * lag**2 / pulse.n_z**2) / pulse.n_z
     kernel[kernel < 1e-300] = 0.0  # arithmetic near underflow is a hundred times slower
     kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel

@@ -89,11 +89,11 @@ def bin_boxes(
         largest = max(largest, area[i])
     binned = np.empty((group_count, bin_count))
     for g in range(group_count):
-        rate, least, before = slope[g, 0], offset[g, 0], -offset[g, 0]
+        rate, start_sum, before = slope[g, 0], offset[g, 0], -offset[g, 0]
         for edge in range(1, bin_count + 1):
             rate += slope[g, edge]
-            least += offset[g, edge]
-            total = rate * edge - least
+            start_sum += offset[g, edge]
+            total = rate * edge - start_sum
             # Ramps that cancel leave rounding errors, which must not count as occupied bins.
             binned[g, edge - 1] = 0.0 if total - before < _ROUNDING * largest else total - before
             before = total

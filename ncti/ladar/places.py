@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-Place = tuple[float, float]  # right and up [cell]
+IfovOffset = tuple[float, float]  # right and up [cell]
 
 # Steps of Roberts' R2, a sequence that fills the unit square evenly at any length.
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
@@ -11,7 +11,7 @@ TEMPLATE_PLACES = 8
 """Places per view of templates of the likelihood: at 100 km more improve no score."""
 
 
-def spread_place(number: int) -> Place:
+def spread_place(number: int) -> IfovOffset:
     """Return the position of the ship origin right and up from the corner of its cell [cell].
 
     Parameters

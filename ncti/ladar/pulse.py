@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -19,7 +20,7 @@ MIN_BINS = 2.0
 
 # Outside these limits [s] the square of N_z leaves float64.
 MIN_PULSE_WIDTH, MAX_PULSE_WIDTH = 1e-15, 1.0
-UNDECOMPOSED = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
+REMAINDER = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
 MAX_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
@@ -28,64 +29,71 @@ def shortest_pulse(bin_width: float) -> float:
     return MIN_BINS * math.sqrt(2) * bin_width / SPEED_OF_LIGHT
 
 
-def target_width(pulse_width: float, bin_width: float) -> float:
-    """Return N_z = c T / (sqrt(2) dR), the width of a filtered pulse [bins]."""
-    return SPEED_OF_LIGHT * pulse_width / (math.sqrt(2) * bin_width)
+@dataclass(frozen=True)
+class Pulse:
+    """Pulse and matched filter, the same Gaussian, and the range bins that sample them.
+
+    `width` is the full width at 1/e^2 of the intensity [s], `bin_width` that of a range bin [m].
+    """
+
+    width: float
+    bin_width: float
+
+    @property
+    def n_z(self) -> float:
+        """N_z = c T / (sqrt(2) dR), the width of the filtered pulse [bins]."""
+        return SPEED_OF_LIGHT * self.width / (math.sqrt(2) * self.bin_width)
+
+    @property
+    def n_t(self) -> float:
+        """N_t = c T / (2 dR), the width of the matched filter [bins]."""
+        return SPEED_OF_LIGHT * self.width / (2 * self.bin_width)
+
+    def check(self, bin_count: int) -> None:
+        """Raise `ValueError` if the kernel of so many bins exceeds float64 or memory."""
+        require("pulse_width", self.width, minimum=MIN_PULSE_WIDTH, maximum=MAX_PULSE_WIDTH)
+        require("bin_width", self.bin_width, positive=True)
+        if bin_count > MAX_BINS:
+            raise ValueError(
+                f"bin_width is {self.bin_width!r} m, which makes {bin_count} range bins, but must "
+                f"be so wide that there are at most {MAX_BINS}"
+            )
 
 
-def noise_width(pulse_width: float, bin_width: float) -> float:
-    """Return N_t = c T / (2 dR), the width of the matched filter [bins]."""
-    return SPEED_OF_LIGHT * pulse_width / (2 * bin_width)
-
-
-def target_response(*, pulse_width: float, bin_width: float) -> NDArray[np.float64]:
+def target_response(pulse: Pulse) -> NDArray[np.float64]:
     """Return the field response to one scatterer over the (bin,) range bins around it.
 
     It is a row of `target_kernel` where that is above exp(-16) of its peak, in the middle bin.
     """
-    n_z = target_width(pulse_width, bin_width)
-    reach = math.ceil(2 * n_z)
-    response: NDArray[np.float64] = np.exp(-4 * np.arange(-reach, reach + 1) ** 2 / n_z**2)
-    return response / math.sqrt(n_z)
-
-
-def _check_pulse(pulse_width: float, bin_width: float, bin_count: int) -> None:
-    """Raise `ValueError` for pulses and bins beyond the limits of float64 or memory."""
-    require("pulse_width", pulse_width, minimum=MIN_PULSE_WIDTH, maximum=MAX_PULSE_WIDTH)
-    require("bin_width", bin_width, positive=True)
-    if bin_count > MAX_BINS:
-        raise ValueError(
-            f"bin_width is {bin_width!r} m, which makes {bin_count} range bins, but must be so "
-            f"wide that there are at most {MAX_BINS}"
-        )
+    reach = math.ceil(2 * pulse.n_z)
+    response: NDArray[np.float64] = np.exp(-4 * np.arange(-reach, reach + 1) ** 2 / pulse.n_z**2)
+    return response / math.sqrt(pulse.n_z)
 
 
 @lru_cache(maxsize=32)
-def target_kernel(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
+def target_kernel(pulse: Pulse, bin_count: int) -> NDArray[np.float64]:
     """Return the field response (bin, bin) of every range bin to a scatterer in every range bin.
 
-    K[n, k] = exp(-4 (n - k)^2 / N_z^2) / sqrt(N_z), Equation B of the article's Appendix 1, with
-    N_z = c T / (sqrt(2) dR), T the `pulse_width` at 1/e^2 of the intensity [s]: pulse and matched
-    filter are the same Gaussian, so the filtered pulse is sqrt(2) wider. Its power sums to
-    sqrt(pi/8). Read-only. Warns of pulses too short for the bins to sample, N_z < 2.
+    K[n, k] = exp(-4 (n - k)^2 / N_z^2) / sqrt(N_z), Equation B of the article's Appendix 1. The
+    filtered pulse is sqrt(2) wider than the pulse; its power sums to sqrt(pi/8). Read-only. Warns
+    of pulses too short for the bins to sample, N_z < 2.
     """
-    _check_pulse(pulse_width, bin_width, bin_count)
-    if pulse_width < shortest_pulse(bin_width) * (1 - 1e-12):
+    pulse.check(bin_count)
+    shortest = shortest_pulse(pulse.bin_width)
+    if pulse.width < shortest * (1 - 1e-12):
         warnings.warn(
-            f"pulse_width is {pulse_width!r} s, but range bins of {bin_width:g} m sample only "
-            f"pulses from {shortest_pulse(bin_width):.3g} s on: the amplitude depends on the bin",
+            f"pulse_width is {pulse.width!r} s, but range bins of {pulse.bin_width:g} m sample "
+            f"only pulses from {shortest:.3g} s on: the amplitude depends on the bin",
             UserWarning,
             stacklevel=2,
         )
-    n_z = target_width(pulse_width, bin_width)
-    kernel = _lag_matrix(np.exp(-4 * np.arange(bin_count) ** 2 / n_z**2) / math.sqrt(n_z))
+    by_lag = np.exp(-4 * np.arange(bin_count) ** 2 / pulse.n_z**2) / math.sqrt(pulse.n_z)
+    kernel = _lag_matrix(by_lag)
     kernel.setflags(write=False)  # the cache returns the same array to every caller
     return kernel
 
 
-def noise_covariance(
-    *, pulse_width: float, bin_width: float, bin_count: int
-) -> NDArray[np.float64]:
+def noise_covariance(pulse: Pulse, bin_count: int) -> NDArray[np.float64]:
     """Return the (bin, bin) covariance of one quadrature of the filtered shot noise.
 
     White noise through the matched filter of the article's Appendix 1 has the covariance
@@ -96,8 +104,7 @@ def noise_covariance(
     integral; at 10 ns and 1 m the sum gives 6 % more amplitude, and it depends on the bin width. We
     use the integral, so that samples agree with the printed B at any bin width.
     """
-    by_lag = noise_by_lag(pulse_width=pulse_width, bin_width=bin_width, bin_count=bin_count)
-    return _lag_matrix(by_lag)
+    return _lag_matrix(noise_by_lag(pulse, bin_count))
 
 
 def _lag_matrix(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -106,11 +113,10 @@ def _lag_matrix(by_lag: NDArray[np.float64]) -> NDArray[np.float64]:
     return by_lag[np.abs(np.subtract.outer(bins, bins))]
 
 
-def noise_by_lag(*, pulse_width: float, bin_width: float, bin_count: int) -> NDArray[np.float64]:
+def noise_by_lag(pulse: Pulse, bin_count: int) -> NDArray[np.float64]:
     """Return the (bin,) first row of `noise_covariance`, sqrt(pi/8) exp(-2 l^2 / N_t^2)."""
-    _check_pulse(pulse_width, bin_width, bin_count)
-    n_t = noise_width(pulse_width, bin_width)
-    return math.sqrt(math.pi / 8) * np.exp(-2 * np.arange(bin_count) ** 2 / n_t**2)
+    pulse.check(bin_count)
+    return math.sqrt(math.pi / 8) * np.exp(-2 * np.arange(bin_count) ** 2 / pulse.n_t**2)
 
 
 def noise_floor() -> float:
@@ -180,15 +186,14 @@ def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDA
     LAPACK, makes its sum over bins, weighted by 1 / (bin + 1), positive here, so that the same
     random numbers make the same noise when a pulse width changes by rounding. Read-only.
     """
-    # Imported here because scipy takes a tenth of a second.
     from scipy.linalg.lapack import dpstrf
 
     # The remainder of the decomposition is at most n times the pivot at which it stops; the largest
     # eigenvalue is at least the mean of row sums and any variance.
     count = len(covariance)
     largest = max(covariance.sum() / count, np.diagonal(covariance).max())
-    least = UNDECOMPOSED * tolerance * largest / count
-    packed, order, rank, _ = dpstrf(covariance, tol=least, lower=1)
+    cutoff = REMAINDER * tolerance * largest / count
+    packed, order, rank, _ = dpstrf(covariance, tol=cutoff, lower=1)
     root = np.empty((count, rank))
     root[order - 1] = np.tril(packed[:, :rank])
     values, vectors = np.linalg.eigh(root.T @ root)

@@ -8,21 +8,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.ladar.pulse import target_response
+from ncti.ladar.pulse import Pulse, target_response
 from ncti.render.lines import STRANDS
 
 Floats = NDArray[np.float64]
 
-FINE = (6, 7, 8)
+HARMONICS = (6, 7, 8)
 """Harmonics of the strands near the spacing, in sixteenths of a cycle per line."""
 
 ROUGHNESS, FACTOR, FEW_LINES = -0.148, 0.95, 34.0
 """Constants of `sampling_error`; quantile regression gave the first two."""
 
-PIXELS = 0.6
+PIXEL_FACTOR = 0.6
 """Factor of `pixel_error`."""
 
-SLOPE = 1.6
+EXPONENT = 1.6
 """Exponent of the error as a power of the spacing."""
 
 
@@ -54,7 +54,7 @@ def sampling_error(
     missed = magnitude(strands, pulse_width, bin_width=bin_width)
     if not missed > 0:
         return missed  # 0, or NaN if nothing is visible
-    return FACTOR * scarcity(line_count) * missed * (missed * line_count**SLOPE) ** ROUGHNESS
+    return FACTOR * scarcity(line_count) * missed * (missed * line_count**EXPONENT) ** ROUGHNESS
 
 
 def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_width: float) -> float:
@@ -82,7 +82,7 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
         return 0.0
     deviation = deviation[:, occupied[0] : occupied[-1] + 1]
     deviation, gain = _after_pulse(deviation, pulse_width, bin_width)
-    return PIXELS * float(np.sqrt((deviation**2).mean(axis=0)).sum()) / (total * gain)
+    return PIXEL_FACTOR * float(np.sqrt((deviation**2).mean(axis=0)).sum()) / (total * gain)
 
 
 def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float:
@@ -93,7 +93,7 @@ def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float
     occupied = np.flatnonzero(strands.any(axis=0))
     waves = _WAVES @ strands[:, occupied[0] : occupied[-1] + 1]
     waves, gain = _after_pulse(waves, pulse_width, bin_width)
-    return float(np.abs(waves).sum()) / (len(FINE) * (total * gain))
+    return float(np.abs(waves).sum()) / (len(HARMONICS) * (total * gain))
 
 
 def _after_pulse(
@@ -102,7 +102,7 @@ def _after_pulse(
     """Return rows (row, bin) after a pulse's power response, and the sum of the response."""
     if not pulse_width > 0.0:
         return rows, 1.0
-    response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
+    response = target_response(Pulse(pulse_width, bin_width)) ** 2
     return np.array([np.convolve(row, response) for row in rows]), float(response.sum())
 
 
@@ -111,4 +111,4 @@ def scarcity(line_count: int) -> float:
     return 1.0 + (FEW_LINES / line_count) ** 2
 
 
-_WAVES = np.exp(-2j * np.pi * np.outer(FINE, np.arange(STRANDS)) / STRANDS)
+_WAVES = np.exp(-2j * np.pi * np.outer(HARMONICS, np.arange(STRANDS)) / STRANDS)

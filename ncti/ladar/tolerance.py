@@ -13,7 +13,7 @@ from ncti.checks import require, require_instance
 from ncti.ladar.beam import Beam
 from ncti.ladar.extent import MAX_SLANT_RANGE, RangeExtent, bins_of, range_extent
 from ncti.ladar.pulse import SPEED_OF_LIGHT
-from ncti.ladar.sampling import SLOPE, sampling_error, scarcity
+from ncti.ladar.sampling import EXPONENT, sampling_error, scarcity
 from ncti.render.draw_lines import line_image, refined
 from ncti.render.far_field import drawn_range, sampling_tolerance
 from ncti.render.lines import LineImage
@@ -40,7 +40,7 @@ MARGIN = 0.7
 """Share of the tolerance within which the bound must lie: one in forty errors exceeds its bound,
 few by more than two fifths."""
 
-TYPICAL = 0.34
+SPACING_FACTOR = 0.34
 """Factor of `first_spacing`, with which seven views of ten are drawn once: a smaller factor draws
 more lines than most views need, a larger one draws more views twice."""
 
@@ -252,16 +252,16 @@ def first_spacing(mesh: Mesh, view: View, *, tolerance: float, resolution: float
     along, across, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
     across, depth = max(across, MIN_SPACING), max(depth, resolution)
     size = resolution**0.375 * across**0.725 * along**0.2 * depth**-0.3
-    typical = TYPICAL * tolerance ** (1 / SLOPE) * size
+    typical = SPACING_FACTOR * tolerance ** (1 / EXPONENT) * size
     return float(f"{max(min(typical, across / MIN_LINES), MIN_SPACING):.2g}")
 
 
 def _factor(lines: LineImage, error: float, goal: float) -> int:
     """Return the number to divide the spacing by; 0 if the lines suffice or are the finest."""
-    most = math.floor(lines.spacing / MIN_SPACING * (1 + 1e-9))
-    if (error <= goal and lines.count >= MIN_LINES) or most < 2:
+    max_factor = math.floor(lines.spacing / MIN_SPACING * (1 + 1e-9))
+    if (error <= goal and lines.count >= MIN_LINES) or max_factor < 2:
         return 0
-    least = MIN_LINES / lines.count if lines.count else 2.0
+    factor = MIN_LINES / lines.count if lines.count else 2.0
     if error > goal:  # and falls, also because there will be more lines
-        least = max(least, (error / scarcity(lines.count) / goal) ** (1 / SLOPE))
-    return max(math.ceil(min(least, most)), 2)
+        factor = max(factor, (error / scarcity(lines.count) / goal) ** (1 / EXPONENT))
+    return max(math.ceil(min(factor, max_factor)), 2)

@@ -30,20 +30,13 @@ def put_magnitudes(
     of a unit scatterer by lag, the most negative first.
     """
     (even, odd), (occupied, amplitude, reach) = noise, target
-    bins, half = out.shape[2], even.shape[2]
+    bins = out.shape[2]
     field = np.empty((2, bins), dtype=np.float32)
     real, imag = field[0], field[1]
     for frame in range(out.shape[0]):
         for ifov in range(out.shape[1]):
-            # Noise of both quadratures: sum and difference of its even and odd part are the lower
-            # half of the window and the mirrored upper half.
             for q in range(2):
-                lower, upper = field[q, :half], field[q, bins - half :]
-                even_row, odd_row = even[frame, 2 * ifov + q], odd[frame, 2 * ifov + q]
-                for n in range(half):
-                    upper[half - 1 - n] = even_row[n] - odd_row[n]
-                for n in range(half):
-                    lower[n] = even_row[n] + odd_row[n]
+                _put_noise(even[frame, 2 * ifov + q], odd[frame, 2 * ifov + q], field[q])
             start, stop = first[ifov], first[ifov + 1]
             normal_real = normals[frame, 0, start - first[0] :]
             normal_imag = normals[frame, 1, start - first[0] :]
@@ -60,10 +53,8 @@ def put_magnitudes(
                 high = min(bins, max(place_bin + reach[place], pair_bin + reach[pair]))
                 shape = response[bins - 1 - place_bin + low : bins - 1 - place_bin + high]
                 shape_pair = response[bins - 1 - pair_bin + low : bins - 1 - pair_bin + high]
-                near_real, near_imag = real[low:high], imag[low:high]
-                for n in range(shape.size):
-                    near_real[n] += a * shape[n] + c * shape_pair[n]
-                    near_imag[n] += b * shape[n] + d * shape_pair[n]
+                _add_pair(real[low:high], shape, shape_pair, a, c)
+                _add_pair(imag[low:high], shape, shape_pair, b, d)
             # Magnitude of the two quadratures.
             magnitude = out[frame, ifov]
             for n in range(bins):
@@ -71,11 +62,35 @@ def put_magnitudes(
 
 
 @compiled
-def accumulate_frames(kept: Singles, total: NDArray[np.float64]) -> None:
+def _put_noise(even: Singles, odd: Singles, field: Singles) -> None:
+    """Write the noise of one quadrature to `field` (bin,).
+
+    Sum and difference of its even and odd part (half,) are the lower half of the window and the
+    mirrored upper half.
+    """
+    half = even.size
+    lower, upper = field[:half], field[field.size - half :]
+    for n in range(half):
+        upper[half - 1 - n] = even[n] - odd[n]
+    for n in range(half):
+        lower[n] = even[n] + odd[n]
+
+
+@compiled
+def _add_pair(
+    field: Singles, shape: Singles, shape_pair: Singles, size: np.float32, size_pair: np.float32
+) -> None:
+    """Add the responses of two scatterers, times their sizes, to the field around them."""
+    for n in range(shape.size):
+        field[n] += size * shape[n] + size_pair * shape_pair[n]
+
+
+@compiled
+def accumulate_frames(waveforms: Singles, total: NDArray[np.float64]) -> None:
     """Add the receiver output (frame, ifov, bin) to the frames (frame, bin), IFOV by IFOV."""
-    for frame in range(kept.shape[0]):
+    for frame in range(waveforms.shape[0]):
         frame_total = total[frame]
-        for ifov in range(kept.shape[1]):
-            waveform = kept[frame, ifov]
+        for ifov in range(waveforms.shape[1]):
+            waveform = waveforms[frame, ifov]
             for n in range(frame_total.size):
                 frame_total[n] += waveform[n]

@@ -18,7 +18,7 @@ from OpenGL import GL
 from pyrender.platforms.osmesa import OSMesaPlatform
 from pyrender.shader_program import ShaderProgramCache
 
-from ncti.render.solid import KEPT, Solid
+from ncti.render.solid import CACHED_SOLIDS, Solid
 
 SHADERS = Path(__file__).with_name("shaders")
 
@@ -55,7 +55,7 @@ class Canvas:
         node = self._nodes.pop(solid, None)
         if node is None:
             node = self._scene.add(pyrender.Mesh([_Facets(solid)]))
-            if len(self._nodes) == KEPT:
+            if len(self._nodes) == CACHED_SOLIDS:
                 _, oldest = self._nodes.popitem(last=False)
                 self._scene.remove_node(oldest)
             self._renderer.upload(self._scene)

@@ -148,25 +148,25 @@ def refined(mesh: Mesh, lines: LineImage, factor: int = 2) -> LineImage:
     """
     if not (isinstance(factor, int | np.integer) and factor >= 2):
         raise ValueError(f"factor is {factor!r}, but must be a whole number from 2 on")
-    from ncti.render.line_sweep import merge_lines  # numba takes long to import
+    from ncti.render.line_sweep import merge_lines
 
-    kept, phase = divmod(factor * lines.phase, 1.0)
+    kept_line, phase = divmod(factor * lines.phase, 1.0)
     view = View(lines.aspect, lines.depression, lines.roll, slant_range=lines.slant_range)
     spacing = lines.spacing / factor
-    new = _draw_pieces(Surfaces.of(mesh), view, spacing, phase, int(factor), int(kept))
+    new = _draw_pieces(Surfaces.of(mesh), view, spacing, phase, int(factor), int(kept_line))
     line, piece, surface = merge_lines(
         lines.line,
         lines.piece,
         lines.surface,
         (new.line, new.piece, new.surface),
         np.int32(factor),
-        np.int32(kept),
+        np.int32(kept_line),
     )
     return replace(new, line=line, piece=piece, surface=surface)
 
 
 def _draw_pieces(
-    surfaces: Surfaces, view: View, spacing: float, phase: float, every: int = 0, kept: int = 0
+    surfaces: Surfaces, view: View, spacing: float, phase: float, every: int = 0, kept_line: int = 0
 ) -> LineImage:
     """Return the pieces of lines, except every `every`-th one, which a coarser view has."""
     from ncti.render.line_sweep import facing_numbers, find_crossings, project
@@ -176,10 +176,10 @@ def _draw_pieces(
     _check_lines(bounds, view, spacing, surfaces)
     facing = facing_numbers(surfaces.area, surfaces.moment, -axes[2], view.curvature)
     crossings = find_crossings(
-        point, bounds, surfaces.edge, facing, spacing, phase, np.int64(every), np.int64(kept)
+        point, bounds, surfaces.edge, facing, spacing, phase, np.int64(every), np.int64(kept_line)
     )
     line, piece, surface = sweep_lines(
-        crossings, surfaces=len(surfaces.area), every=every, kept=kept
+        crossings, surfaces=len(surfaces.area), every=every, kept_line=kept_line
     )
     return LineImage(
         line, piece, surface, surfaces.normals, spacing=spacing, phase=phase, **asdict(view)

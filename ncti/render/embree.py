@@ -37,7 +37,7 @@ class EmbreeEngine:
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.int32]:
         """Return the facet that each pixel sees, -1 for none."""
-        from ncti.render.pixels import rays  # numba takes long to import
+        from ncti.render.pixels import rays
 
         # Rays start at the near plane, so that distances in float32 are only as long as the ship.
         pixel, start, direction = rays(
@@ -134,9 +134,9 @@ def _opposite_facets(solid: Solid, facet: Indices, place: Floats, step: float) -
         edges = np.roll(corners, -1, axis=1) - corners
         # Inside a triangle a place is left of all its edges: inwards from each corner's edge.
         inwards = np.cross(solid.normals[opposite, None], edges)
-        least = np.einsum("fek,fek->fe", inwards, corners)
+        limits = np.einsum("fek,fek->fe", inwards, corners)
         for ray in np.flatnonzero(facet == number):
-            inside = (inwards @ place[ray] >= least).all(axis=1)
+            inside = (inwards @ place[ray] >= limits).all(axis=1)
             if inside.any():
                 twin[ray] = opposite[inside.argmax()]
     return twin

@@ -19,7 +19,7 @@ Indices = NDArray[np.int32]
 Unsigned = NDArray[np.uint32]
 """Unsigned indices, for which numba compiles no branch that counts from the end."""
 
-NEARER = 1e-9
+DEPTH_TOLERANCE = 1e-9
 """Distance [m] by which a surface must be nearer to overtake another within a piece, so that
 rounding of coincident surfaces does not."""
 
@@ -27,7 +27,7 @@ CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u
 """Crossing of a line and an edge: the coordinate along the line, q there, and the surfaces that end
 and begin there. One record, for locality in memory."""
 
-ONCE = 1 << 32
+ONE_BEGINNING = 1 << 32
 """One beginning of a surface, counted above the 32 bits of a crossing's number."""
 
 
@@ -75,24 +75,24 @@ def facing_numbers(area: Floats, moment: Floats, towards: Floats, curvature: flo
 
 
 @inlined
-def rank_of(number: Any, every: Any, kept: Any) -> Any:
+def rank_of(number: Any, every: Any, kept_line: Any) -> Any:
     """Return the rank of line `number` among the lines to draw, counted from a kept line.
 
     Every `every`-th line is kept and not drawn; 0 draws all.
     """
     if every == 0:
         return number
-    turn, rest = divmod(number - kept, every)
+    turn, rest = divmod(number - kept_line, every)
     return (every - 1) * turn + max(rest - 1, 0)
 
 
 @inlined
-def number_of(rank: Any, every: Any, kept: Any) -> Any:
+def number_of(rank: Any, every: Any, kept_line: Any) -> Any:
     """Return the number of the line of a rank, the inverse of `rank_of`."""
     if every == 0:
         return rank
     turn, rest = divmod(rank, every - 1)
-    return every * turn + rest + 1 + kept
+    return every * turn + rest + 1 + kept_line
 
 
 @compiled
@@ -136,31 +136,31 @@ def find_crossings(
     point: Floats,
     bounds: Floats,
     edge: Unsigned,
-    seen: Unsigned,
+    facing: Unsigned,
     spacing: float,
     phase: float,
     every: np.int64,
-    kept: np.int64,
+    kept_line: np.int64,
 ) -> tuple[np.int64, NDArray[np.int64], NDArray[np.void]]:
     """Return crossings of lines y = (k + phase) spacing and edges of surfaces facing the sensor.
 
-    Lines whose number k differs from `kept` by a multiple of `every` are left out; none if `every`
-    is 0. Returns the rank of the first line, as of `rank_of`; (line + 1,) the first crossing of
-    each line; and (crossing,) CROSSING, line by line and nearly in order along it, in which the
-    number of surfaces stands for none.
+    Lines whose number k differs from `kept_line` by a multiple of `every` are left out; none if
+    `every` is 0. Returns the rank of the first line, as of `rank_of`; (line + 1,) the first
+    crossing of each line; and (crossing,) CROSSING, line by line and nearly in order along it, in
+    which the number of surfaces stands for none.
     """
     # An edge crosses a line that separates the levels of its vertices. Levels belong to vertices,
     # not to edges, so that every surface begins on a line as often as it ends.
-    lowest = rank_of(np.int64(np.ceil(bounds[1, 0] / spacing - phase)), every, kept)
-    lines = rank_of(np.int64(np.ceil(bounds[1, 1] / spacing - phase)), every, kept) - lowest
+    lowest = rank_of(np.int64(np.ceil(bounds[1, 0] / spacing - phase)), every, kept_line)
+    lines = rank_of(np.int64(np.ceil(bounds[1, 1] / spacing - phase)), every, kept_line) - lowest
     level = np.empty(len(point), np.int32)
     for i in range(len(point)):
         above = np.int64(np.ceil(point[i, 1] / spacing - phase))
-        level[i] = rank_of(above, every, kept) - lowest
+        level[i] = rank_of(above, every, kept_line) - lowest
 
     # Edges that count: their levels differ, and one of their sides is seen. There is no branch, as
     # the processor could not predict it.
-    front = seen < len(seen) - 1  # one byte each, to stay in L1
+    front = facing < len(facing) - 1  # one byte each, to stay in L1
     used = np.empty(len(edge) + 1, np.uint32)
     number, total = 0, np.int64(0)
     for e in range(len(edge)):
@@ -179,7 +179,7 @@ def find_crossings(
     n = 0
     for e in used[:number]:
         i, j = edge[e, 0], edge[e, 1]
-        left, right = seen[edge[e, 2]], seen[edge[e, 3]]
+        left, right = facing[edge[e, 2]], facing[edge[e, 3]]
         if level[i] > level[j]:
             i, j, left, right = j, i, right, left
         start[level[i]] += 1
@@ -188,7 +188,7 @@ def find_crossings(
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
         run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
         for k in range(level[i], level[j]):
-            line_y = (number_of(lowest + k, every, kept) + phase) * spacing
+            line_y = (number_of(lowest + k, every, kept_line) + phase) * spacing
             share = min(max((line_y - y) * per_rise, 0.0), 1.0)
             t = x + run * share
             c = unsorted[n]
@@ -241,7 +241,7 @@ def write_outlines(
         c = crossing[m]
         t, ends, begins = c.t, c.ends, c.begins
         stop[m], opened[m] = -np.inf, len(crossing)
-        count = begun[ends] - ONCE
+        count = begun[ends] - ONE_BEGINNING
         if count >> 32 == 0:
             i, count = np.uint32(count - 1), 0
             stop[i], opened[m] = t, i
@@ -249,8 +249,8 @@ def write_outlines(
             if t > first.t:
                 slope[i] = (c.depth - first.depth) / (t - first.t)
         begun[ends] = count
-        count = begun[begins] + ONCE
-        begun[begins] = count | (m + 1) if count == ONCE else count
+        count = begun[begins] + ONE_BEGINNING
+        begun[begins] = count | (m + 1) if count == ONE_BEGINNING else count
 
 
 class ActiveSurfaces(NamedTuple):
@@ -273,7 +273,7 @@ class Pieces(NamedTuple):
 
     line: Indices
     piece: Floats
-    seen: Indices
+    surface: Indices
 
 
 @inlined
@@ -292,16 +292,16 @@ def next_overtaking(
     which it is visible, `now` a coordinate at which the other is ahead. The slot is -1 if there is
     none.
     """
-    seen_at, first, when = depth_of(active, front, now), -1, now
+    seen_at, first, place = depth_of(active, front, now), -1, now
     for i in range(count):
         ahead = seen_at - depth_of(active, i, now)
-        if ahead > NEARER:
+        if ahead > DEPTH_TOLERANCE:
             closing = active.tilt[front] - active.tilt[i]
             passing = now - ahead / closing if closing > 0.0 else since
             passing = max(passing, since)
-            if first < 0 or passing < when:
-                first, when = i, passing
-    return first, when
+            if first < 0 or passing < place:
+                first, place = i, passing
+    return first, place
 
 
 @inlined
@@ -315,7 +315,7 @@ def overtaking_matters(
     """
     if slot == front or begins < nearest:
         return True
-    return slot >= 0 and depth_of(active, slot, now) < nearest - NEARER
+    return slot >= 0 and depth_of(active, slot, now) < nearest - DEPTH_TOLERANCE
 
 
 @inlined
@@ -355,7 +355,7 @@ def write_piece(
 
     Returns the number of pieces.
     """
-    pieces.line[number], pieces.seen[number] = line, began.begins
+    pieces.line[number], pieces.surface[number] = line, began.begins
     pieces.piece[number, 0], pieces.piece[number, 1] = since, until
     pieces.piece[number, 2] = began.depth + slope * (since - began.t)
     pieces.piece[number, 3] = began.depth + slope * (until - began.t)
@@ -393,18 +393,18 @@ def sweep_line(
         nearest = depth_of(active, front, now) if count else np.inf
         matters = overtaking_matters(active, slot, front, nearest, depth if fresh else np.inf, now)
         while matters and count > 1:
-            nearer, when = next_overtaking(active, count, front, since, now)
+            nearer, place = next_overtaking(active, count, front, since, now)
             if nearer < 0:
                 break
-            if when > since:
+            if place > since:
                 if number == len(pieces.line):
                     return -1
-                number = write_piece(pieces, number, line, crossings[top], slope[top], since, when)
-            front, top, since = nearer, active.crossing[nearer], when
+                number = write_piece(pieces, number, line, crossings[top], slope[top], since, place)
+            front, top, since = nearer, active.crossing[nearer], place
         old = top
         if slot >= 0 and fresh:  # one surface takes the place of another
             i = slot
-            if slot == front or depth < depth_of(active, front, now) - NEARER:
+            if slot == front or depth < depth_of(active, front, now) - DEPTH_TOLERANCE:
                 front, top = slot, m
         elif slot >= 0:
             i = -1
@@ -439,34 +439,34 @@ def sweep(
     room: int,
     lowest: np.int64,
     every: np.int64,
-    kept: np.int64,
+    kept_line: np.int64,
 ) -> tuple[bool, Indices, Floats, Indices]:
     """Return whether there was room for all visible pieces of lines, and the pieces.
 
-    `start` (line + 1,), possibly a part, `crossing`, `every` and `kept` are as of `find_crossings`;
-    `room` is the number of pieces per crossing to allocate, `lowest` the rank of the first line.
-    Pieces have their line (piece,) int32; (piece, 4), begin and end along it and q there; and their
-    surface (piece,) int32.
+    `start` (line + 1,), possibly a part, `crossing`, `every` and `kept_line` are as of
+    `find_crossings`; `room` is the number of pieces per crossing to allocate, `lowest` the rank of
+    the first line. Pieces have their line (piece,) int32; (piece, 4), begin and end along it and q
+    there; and their surface (piece,) int32.
     """
     lines = len(start) - 1
-    most = 1
+    longest = 1
     for k in range(lines):
-        most = max(most, start[k + 1] - start[k])
+        longest = max(longest, start[k + 1] - start[k])
     capacity = room * (start[lines] - start[0])
     line, surface = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
     pieces = Pieces(line, np.empty((capacity, 4)), surface)
     # Buffers for the crossings of a line, and for its surfaces. A side seen edge-on is as steep as
     # rounding allows.
-    slope, stop, opened = np.empty(most), np.empty(most), np.empty(most, np.uint32)
-    depths = np.empty(most), np.empty(most), np.empty(most)
-    active = ActiveSurfaces(np.empty(most, np.uint32), *depths, np.empty(most + 1, np.int32))
+    slope, stop, opened = np.empty(longest), np.empty(longest), np.empty(longest, np.uint32)
+    depths = np.empty(longest), np.empty(longest), np.empty(longest)
+    active = ActiveSurfaces(np.empty(longest, np.uint32), *depths, np.empty(longest + 1, np.int32))
     begun = np.zeros(surfaces + 1, np.int64)
     outlines, number = (slope, stop, opened), 0
     for k in range(lines):
         crossings = crossing[start[k] : start[k + 1]]
         sort_crossings(crossings)
         write_outlines(crossings, slope, stop, opened, begun)
-        line_number = np.int32(number_of(lowest + k, every, kept))
+        line_number = np.int32(number_of(lowest + k, every, kept_line))
         number = sweep_line(crossings, surfaces, outlines, active, pieces, number, line_number)
         if number < 0:
             return False, line, pieces.piece, surface
@@ -477,26 +477,26 @@ def sweep(
 def merge_lines(
     line: Indices,
     piece: Floats,
-    seen: Indices,
-    more: tuple[Indices, Floats, Indices],
+    surface: Indices,
+    new: tuple[Indices, Floats, Indices],
     factor: np.int32,
-    kept: np.int32,
+    kept_line: np.int32,
 ) -> tuple[Indices, Floats, Indices]:
-    """Return the pieces of lines k, renumbered factor k + kept, and of lines between, by line."""
-    new_line, new_piece, new_seen = more
+    """Return the pieces of lines k, renumbered factor k + kept_line, and of new ones, by line."""
+    new_line, new_piece, new_surface = new
     old, size = len(line), len(line) + len(new_line)
-    lines, all_seen = np.empty(size, np.int32), np.empty(size, np.int32)
+    lines, surfaces = np.empty(size, np.int32), np.empty(size, np.int32)
     pieces = np.empty((size, 4))
     i = j = 0
     for n in range(size):
-        if j == len(new_line) or (i < old and factor * line[i] + kept < new_line[j]):
-            lines[n], all_seen[n] = factor * line[i] + kept, seen[i]
+        if j == len(new_line) or (i < old and factor * line[i] + kept_line < new_line[j]):
+            lines[n], surfaces[n] = factor * line[i] + kept_line, surface[i]
             for column in range(4):
                 pieces[n, column] = piece[i, column]
             i += 1
         else:
-            lines[n], all_seen[n] = new_line[j], new_seen[j]
+            lines[n], surfaces[n] = new_line[j], new_surface[j]
             for column in range(4):
                 pieces[n, column] = new_piece[j, column]
             j += 1
-    return lines, pieces, all_seen
+    return lines, pieces, surfaces

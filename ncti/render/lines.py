@@ -131,7 +131,7 @@ class LineImage:
         """Least and greatest horizontal, and vertical, coordinate of pieces [m]; empty for none."""
         if not self.line.size:
             return np.zeros(0), np.zeros(0)
-        from ncti.render.pieces import bounds_of  # numba takes long to import
+        from ncti.render.pieces import bounds_of
 
         left, right, bottom, top = bounds_of(
             self.line, self.piece, self.spacing, self.phase, turn_of(self.roll), (0.0, 0.0)
@@ -179,7 +179,7 @@ class LineImage:
         to the next. Plane waves cut it evenly; spheres about the sensor, where a wavefront bends,
         at the roots of a quadratic equation.
         """
-        from ncti.render.pieces import Depths, Grid, Parts, bin_pieces  # numba takes long to import
+        from ncti.render.pieces import Depths, Grid, Parts, bin_pieces
 
         reach = slant_range or self.slant_range
         wavefront = 1.0 / reach if reach and np.isfinite(bin_width) else 0.0

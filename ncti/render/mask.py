@@ -21,7 +21,7 @@ from ncti.ships.shape import Mesh
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
-EXACT = 1e-6
+BORDER_MARGIN = 1e-6
 """Margin [pixel] above the rounding of a facet's borders, whose corners are multiples of 1/256."""
 
 
@@ -58,7 +58,7 @@ def ship_mask(
     clip = clip_matrix(view, lattice, centre=solid.centre).astype(np.float32)
     corners = snap_vertices(solid.vertices.astype(np.float32), clip, lattice.shape)
     hit = np.zeros(lattice.shape, np.bool_)
-    fill(corners, solid.faces, pixels.sampled_facets(corners, solid.faces, EXACT), hit)
+    fill(corners, solid.faces, pixels.sampled_facets(corners, solid.faces, BORDER_MARGIN), hit)
     return Mask(hit, lattice.pixel, lattice.origin, view.roll)
 
 
@@ -107,18 +107,28 @@ def fill(
         lowest = np.ceil(max(min(y[0], min(y[1], y[2])), 0.0))
         highest = np.floor(min(max(y[0], max(y[1], y[2])), rows - 1.0))
         for row in range(int(lowest), int(highest) + 1):
-            # Columns between the sides: a rising side bounds the facet on the right.
-            first, past = 0.0, float(columns)
-            for c in range(3):
-                run, rise = x[c + 1] - x[c], y[c + 1] - y[c]
-                if rise == 0.0:
-                    if y[c] == row and run < 0.0:  # its upper border
-                        past = 0.0
-                    continue
-                border = np.ceil(x[c] + (row - y[c]) * run / rise)
-                if rise > 0.0:
-                    past = min(past, border)
-                else:
-                    first = max(first, border)
-            for column in range(int(first), int(past)):
+            first, past = columns_between_sides(x, y, row)
+            for column in range(int(first), int(min(past, columns))):
                 hit[row, column] = True
+
+
+@compiled
+def columns_between_sides(x: Floats, y: Floats, row: int) -> tuple[float, float]:
+    """Return the first column of a facet in a row, and the one past its last; at least 0.
+
+    `x` and `y` (4,) are its corners, the first again at the end.
+    """
+    first, past = 0.0, np.inf
+    for c in range(3):
+        run, rise = x[c + 1] - x[c], y[c + 1] - y[c]
+        if rise == 0.0:
+            if y[c] == row and run < 0.0:  # its upper border
+                past = 0.0
+            continue
+        border = np.ceil(x[c] + (row - y[c]) * run / rise)
+        # A rising side bounds the facet on the right.
+        if rise > 0.0:
+            past = min(past, border)
+        else:
+            first = max(first, border)
+    return first, past

@@ -52,7 +52,7 @@ def bind_platform(name: str) -> None:
         import OpenGL.platform
         import OpenGL.raw.osmesa._types as types
 
-        mend_osmesa(OpenGL.osmesa, types.OSMesaContext, OpenGL.platform.PLATFORM.OSMesa)
+        patch_osmesa(OpenGL.osmesa, types.OSMesaContext, OpenGL.platform.PLATFORM.OSMesa)
 
 
 def bound_platform() -> str | None:
@@ -68,7 +68,7 @@ def bound_platform() -> str | None:
     return type(platform.PLATFORM).__module__.rpartition(".")[2]
 
 
-def mend_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
+def patch_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
     """Add to PyOpenGL the parts of OSMesa that pyrender needs.
 
     pyrender pins PyOpenGL 3.1.0, whose binding lacks `OSMesaCreateContextAttribs`, needed for

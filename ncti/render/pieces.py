@@ -13,10 +13,10 @@ from ncti.render.lines import STRANDS
 Floats = NDArray[np.float64]
 
 
-NOTHING = 1e-8
+NEGLIGIBLE_AREA = 1e-8
 """Area, in squares of the spacing, below which a cell counts as empty."""
 
-ON_EDGE = 1e-9
+EDGE_TOLERANCE = 1e-9
 """Distance [m] from the edge of a bin up to which a piece lies on it, and so in the bin behind,
 regardless of rounding."""
 
@@ -88,7 +88,7 @@ def down_range(q: Any, x: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
 def range_and_bin(q: Any, x: Any, y: Any, depths: Depths, per_bin: float) -> tuple[float, float]:
     """Return the down-range [m] of a point and its place among the bins [bin], limited to them."""
     r = down_range(q, x, y, depths.curvature, depths.wavefront)
-    place = (r - (depths.edge - ON_EDGE)) * per_bin
+    place = (r - (depths.edge - EDGE_TOLERANCE)) * per_bin
     return r, min(max(place, 0.0), depths.bins - 1e-9)
 
 
@@ -121,8 +121,8 @@ def bounds_of(
     pieces = len(line)
     for p in range(pieces):
         y = (line[p] + phase) * spacing
-        for end, beside in ((0, p - 1), (1, p + 1)):
-            if beside < 0 or beside == pieces or line[p] != line[beside]:
+        for end, neighbour in ((0, p - 1), (1, p + 1)):
+            if neighbour < 0 or neighbour == pieces or line[p] != line[neighbour]:
                 x = piece[p, end]
                 h, v = x * cos - y * sin + shift[0], x * sin + y * cos + shift[1]
                 left, right = min(left, h), max(right, h)
@@ -178,7 +178,7 @@ def cells_reached(
 
 @compiled
 def cells_seen(
-    number: NDArray[np.int32], area: Floats, corner: tuple[float, float], columns: int, least: float
+    number: NDArray[np.int32], area: Floats, corner: tuple[float, float], columns: int, limit: float
 ) -> tuple[NDArray[np.int64], Floats]:
     """Return the cells with more than the least area, by rows, and their area by range bin.
 
@@ -190,7 +190,7 @@ def cells_seen(
             total = 0.0
             for b in range(area.shape[1]):
                 total += area[number[c], b]
-            if total > least:
+            if total > limit:
                 count += 1
             else:
                 number[c] = -1
@@ -280,7 +280,7 @@ def spread_along(
     done, length = 0.0, high - low
     towards, side = (1, 1) if n > m else (-1, 0)
     while m != n:
-        e = edge - ON_EDGE + (m + side) * bin_width
+        e = edge - EDGE_TOLERANCE + (m + side) * bin_width
         c = (r - e) * (2.0 + wavefront * (r + e))
         if curvature > 0.0:
             w, grown = 1.0 - curvature * q, (1.0 + curvature * e) ** 2 * slope
@@ -366,5 +366,5 @@ def bin_pieces(
             if current == goal:
                 break
             current = onward
-    cell, cell_area = cells_seen(number, area, corner, columns, NOTHING * spacing**2)
+    cell, cell_area = cells_seen(number, area, corner, columns, NEGLIGIBLE_AREA * spacing**2)
     return cell, cell_area, strands, reach

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.compiled import compiled, inlined
-from ncti.render.solid import MIN_COSINE, STEEP
+from ncti.render.solid import MIN_COSINE, STEEP_COSINE
 
 Floats = NDArray[np.float64]
 Index = int | np.integer[Any]
@@ -27,7 +27,7 @@ ROWS = 4
 STRIP = 8
 """Rows that share their first and last column on a ship, to save time."""
 
-COVERS, MORE = 1, 2
+COVERS, MORE_ROWS = 1, 2
 """State of a facet: it has a pixel centre in the rows tested; it has more rows."""
 
 
@@ -48,10 +48,10 @@ def place(points: Floats, curvature: float, pixel: float, column: float, row: fl
 
 
 @compiled
-def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
+def sampled_facets(positions: Floats, faces: NDArray[np.int32], margin: float) -> NDArray[np.int32]:
     """Return the facets, ascending, that face the sensor and have a pixel centre within them.
 
-    `seen` (vertex, 2) are positions of vertices [pixel], `faces` (facet, 3) counter-clockwise from
+    `positions` (vertex, 2) are those of vertices [pixel], `faces` (facet, 3) counter-clockwise from
     outside, `margin` the largest distance by which an engine may move vertices along either axis
     [pixel]. Moved vertices leave a triangle within its Minkowski sum with a square: its bounding
     box, wider by `margin`, cut by its sides, each moved out by `margin` (|dx| + |dy|) in dx y - dy
@@ -71,9 +71,9 @@ def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDA
         for e in range(size):
             f = start + e
             i, j, k = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
-            batch[0, e], batch[1, e] = seen[i, 0], seen[i, 1]
-            batch[2, e], batch[3, e] = seen[j, 0], seen[j, 1]
-            batch[4, e], batch[5, e] = seen[k, 0], seen[k, 1]
+            batch[0, e], batch[1, e] = positions[i, 0], positions[i, 1]
+            batch[2, e], batch[3, e] = positions[j, 0], positions[j, 1]
+            batch[4, e], batch[5, e] = positions[k, 0], positions[k, 1]
         # Keep candidates by the bounding box, without an unpredictable branch.
         _mark_facing(batch, size, margin, state)
         candidates = begin
@@ -85,10 +85,10 @@ def sampled_facets(seen: Floats, faces: NDArray[np.int32], margin: float) -> NDA
         # Keep candidates with a centre between their sides.
         _mark_covering(candidate, begin, candidates, 0.0, margin, state)
         for e in range(candidates):
-            tried = float(ROWS)
-            while state[e] == MORE:
-                _mark_covering(candidate, e, e + 1, tried, margin, state)
-                tried += ROWS
+            tested = float(ROWS)
+            while state[e] == MORE_ROWS:
+                _mark_covering(candidate, e, e + 1, tested, margin, state)
+                tested += ROWS
             chosen[number] = facet[e]
             number += state[e] & COVERS
     return chosen[:number]
@@ -113,21 +113,27 @@ def _mark_facing(corner: Floats, size: int, margin: float, state: NDArray[np.uin
 
 @compiled
 def _mark_covering(
-    corner: Floats, begin: Index, end: Index, tried: float, margin: float, state: NDArray[np.uint8]
+    corner: Floats,
+    begin: Index,
+    end: Index,
+    tested: float,
+    margin: float,
+    state: NDArray[np.uint8],
 ) -> None:
-    """Set the state of facets to COVERS, MORE, both or 0 by testing their next rows.
+    """Set the state of facets to COVERS, MORE_ROWS, both or 0 by testing their next rows.
 
-    Earlier calls have tested `tried` rows of the facets from `begin` to before `end`; see
+    Earlier calls have tested `tested` rows of the facets from `begin` to before `end`; see
     `_mark_facing`.
     """
     for number in range(end - begin):
         e = np.uintp(begin + number)  # unsigned, as above
         triangle = _bounds(corner, e, margin)
-        low, high = triangle[0] + tried, triangle[1]
+        low, high = triangle[0] + tested, triangle[1]
         covers = False
         for row in range(ROWS):
             covers |= _covers(triangle, low + row)
-        state[e] = np.uint8(COVERS if covers else 0) | np.uint8(MORE if low + ROWS <= high else 0)
+        rest = MORE_ROWS if low + ROWS <= high else 0
+        state[e] = np.uint8(COVERS if covers else 0) | np.uint8(rest)
 
 
 @inlined
@@ -188,7 +194,7 @@ def _covers(triangle: tuple[Any, ...], row: float) -> bool:
 
 @compiled
 def row_spans(
-    seen: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
+    positions: Floats, faces: NDArray[np.int32], shape: tuple[int, int], margin: float
 ) -> NDArray[np.int64]:
     """Return (row, 2): the first column of each row that may see the ship, and one past the last.
 
@@ -200,9 +206,9 @@ def row_spans(
     reach[:, 0], reach[:, 1] = np.inf, -np.inf
     for f in range(len(faces)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay = seen[i, 0], seen[i, 1]
-        bx, by = seen[j, 0], seen[j, 1]
-        cx, cy = seen[k, 0], seen[k, 1]
+        ax, ay = positions[i, 0], positions[i, 1]
+        bx, by = positions[j, 0], positions[j, 1]
+        cx, cy = positions[k, 0], positions[k, 1]
         first, last = _strip_range(min(ay, min(by, cy)), max(ay, max(by, cy)), strips, margin)
         if first == last:  # the whole width of a facet within one strip
             reach[first, 0] = min(reach[first, 0], min(ax, min(bx, cx)) - margin)
@@ -288,13 +294,13 @@ def surface(
     lattice: tuple[float, float, float],
     sight: tuple[Floats, float],
     planes: tuple[Floats, Floats, NDArray[np.int32]],
-    away: Floats,
+    depth: Floats,
 ) -> tuple[Floats, NDArray[np.float32]]:
     """Return down-range and gradient of every pixel: `ncti.render.solid.surface`, as a loop.
 
     `facet` (row * col,) is the facet of each pixel, below 0 for none; `lattice` has column and row
     of the first pixel's centre [pixel] and the pixel side [m]; `sight` (axes, curvature) the
-    view's; `planes` normals, offsets and faces of `Solid`; `away` (vertex,) [m] is the down-range
+    view's; `planes` normals, offsets and faces of `Solid`; `depth` (vertex,) [m] is the down-range
     of vertices.
     """
     (rows, columns), (first_column, first_row, pixel) = shape, lattice
@@ -317,9 +323,9 @@ def surface(
             s = n_h * h + n_v * v
             a = max(-(n_r + curvature * s), MIN_COSINE)
             r = (s - offsets[f]) / a
-            if a < STEEP:
-                first, two, three = away[faces[f, 0]], away[faces[f, 1]], away[faces[f, 2]]
-                r = min(max(r, min(first, two, three)), max(first, two, three))
+            if a < STEEP_COSINE:
+                first, second, third = depth[faces[f, 0]], depth[faces[f, 1]], depth[faces[f, 2]]
+                r = min(max(r, min(first, second, third)), max(first, second, third))
             if curvature == 0.0:  # w and t are 1, which saves a fifth of the time
                 down_range[row, column] = r
                 slope = 1.0 / a

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.render.embree import EmbreeEngine
-from ncti.render.solid import MIN_COSINE, STEEP, Solid
+from ncti.render.solid import MIN_COSINE, STEEP_COSINE, Solid
 from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
@@ -129,7 +129,7 @@ def _meet(
     cosine = np.maximum(-np.einsum("ij,ij->i", normal, direction), MIN_COSINE)
     distance = (np.einsum("ij,ij->i", normal, origin) - solid.offsets.take(facet)) / cosine
     # A steep facet's plane departs from it quickly: clip the distance to the facet's extent.
-    steep = np.flatnonzero(cosine < STEEP)
+    steep = np.flatnonzero(cosine < STEEP_COSINE)
     corners = solid.vertices[solid.faces.take(facet[steep], axis=0)]
     corners -= (origin[steep] - solid.centre)[:, None]
     reach = np.einsum("ijk,ik->ij", corners, direction[steep])

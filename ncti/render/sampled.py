@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MIN_SHARE = 0.25
 """Finest pixel, relative to the given one; a finer one would gain little, as on a thin pole."""
 
-VISIBLE = 0.9
+MAX_VISIBLE_SHARE = 0.9
 """Largest visible share of the area that faces the sensor: 0.45 to 0.65 for ships seen end-on, up
 to 0.9 abeam."""
 
@@ -90,7 +90,7 @@ class Sampling:
             # Halve the spacing until there are enough lines. Where a bound on the area shows that
             # coarse lines are too few, start with finer ones.
             sight = View(aspect, depression).axes[2]
-            area, halvings = VISIBLE * Surfaces.of(mesh).facing_area(-sight), 0
+            area, halvings = MAX_VISIBLE_SHARE * Surfaces.of(mesh).facing_area(-sight), 0
             while self._is_short(area, self.pixel / 2**halvings):
                 halvings += 1
             first = {"spacing": self.pixel / 2**halvings, "phase": 2**halvings * PHASE % 1}
@@ -100,7 +100,7 @@ class Sampling:
             return lines
         draw: Callable[..., RangeImage | Mask]
         if self.engine == MASK:
-            from ncti.render.mask import ship_mask as draw  # numba takes long to import
+            from ncti.render.mask import ship_mask as draw
         else:
             draw = partial(range_image, engine=self.engine)
         image = draw(mesh, pixel=self.pixel, roll=roll, **view)

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from ncti.render.view import Lattice, View
 from ncti.ships.shape import Mesh
 
-KEPT = 8
+CACHED_SOLIDS = 8
 """Ships kept, here and on a canvas: the six packaged ones and two of the user's."""
 
 MIN_COSINE = 1e-4
 """Smallest cosine of incidence that is not edge-on. A steeper facet is narrower than the grid of a
 rasteriser and seen by chance; the bound keeps its slope finite."""
 
-STEEP = 0.1
+STEEP_COSINE = 0.1
 """Cosine of incidence below which the place of a facet's border on that grid matters: at slope 10,
 half a step of the grid, 1/512 pixel, is 5 mm of range with 0.25 m pixels."""
 
@@ -47,7 +47,7 @@ class Solid:
         with _lock:
             solid = _kept.pop(key, None) or cls._prepare(mesh)
             _kept[key] = solid
-            if len(_kept) > KEPT:
+            if len(_kept) > CACHED_SOLIDS:
                 _kept.popitem(last=False)
         return solid
 
@@ -108,7 +108,7 @@ def surface(
     on a grid of 1/256 pixel), so r is clipped to the facet's extent, which matters on a steep
     facet.
     """
-    from ncti.render import pixels  # numba takes long to import
+    from ncti.render import pixels
 
     return pixels.surface(
         facet,

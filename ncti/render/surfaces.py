@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from threading import Lock
-from weakref import WeakKeyDictionary
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.render.solid import Solid
+from ncti.render.solid import CACHED_SOLIDS, Solid
 from ncti.ships.shape import Mesh
 from ncti.ships.surfaces import components
 
 Floats = NDArray[np.float64]
 
-ANGLE = 1e-5
+MAX_ANGLE = 1e-5
 """Angle between normals [rad] up to which adjacent facets are one surface: float32 vertices of a
 flat deck cause some 1e-6, and the plates of a round hull a thousand times as much."""
 
-FLAT = 1e-4
+PLANE_TOLERANCE = 1e-4
 """Distance [m] up to which vertices lie in a surface's plane; otherwise facets stay single."""
 
 
@@ -71,14 +69,11 @@ class Surfaces:
 
     @classmethod
     def of(cls, mesh: Mesh) -> Surfaces:
-        """Return the surfaces of a mesh, kept as long as its solid is."""
-        solid = Solid.of(mesh)
-        with _lock:
-            if solid not in _kept:
-                _kept[solid] = cls._prepare(solid)
-            return _kept[solid]
+        """Return the surfaces of a mesh, cached like its solid."""
+        return cls._prepare(Solid.of(mesh))
 
     @classmethod
+    @lru_cache(maxsize=CACHED_SOLIDS)
     def _prepare(cls, solid: Solid) -> Surfaces:
         vertices, index = np.unique(solid.vertices, axis=0, return_inverse=True)
         faces, numbers = _distinct_facets(index.reshape(-1)[solid.faces])
@@ -169,7 +164,7 @@ def _merge_coplanar(
     `left` and `right` (edge,) the facets on both sides of an edge.
     """
     turn = np.linalg.norm(n[left] - n[right], axis=1)
-    flat = (turn < ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
+    flat = (turn < MAX_ANGLE) & n[left].any(axis=1) & n[right].any(axis=1)
     surface = components(left[flat], right[flat], len(n))
     size = int(surface.max()) + 1
     # Plates along a gentle curve may be coplanar with their neighbours, but not all together.
@@ -179,10 +174,6 @@ def _merge_coplanar(
     top, bottom = np.full(size, -np.inf), np.full(size, np.inf)
     np.maximum.at(top, surface, height.max(axis=1))
     np.minimum.at(bottom, surface, height.min(axis=1))
-    bent = (top - bottom > FLAT)[surface]
+    bent = (top - bottom > PLANE_TOLERANCE)[surface]
     surface[bent] = size + np.flatnonzero(bent)
     return np.unique(surface, return_inverse=True)[1].reshape(-1)
-
-
-_kept: WeakKeyDictionary[Solid, Surfaces] = WeakKeyDictionary()
-_lock = Lock()

@@ -20,7 +20,7 @@ MIN_LINES = 64
 
 
 def sweep_lines(
-    crossings: Sequence[Any], *, surfaces: int, every: int = 0, kept: int = 0
+    crossings: Sequence[Any], *, surfaces: int, every: int = 0, kept_line: int = 0
 ) -> tuple[NDArray[np.int32], Floats, NDArray[np.int32]]:
     """Return line, piece and surface of the pieces of all lines, one part of the lines per thread.
 
@@ -45,7 +45,7 @@ def sweep_lines(
                 room,
                 np.int64(lowest + first),
                 np.int64(every),
-                np.int64(kept),
+                np.int64(kept_line),
             )
             if complete:
                 return line, piece, surface

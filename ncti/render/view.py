@@ -27,10 +27,10 @@ ROLL = math.degrees(math.atan((math.sqrt(5) - 1) / 2))
 hardest to approximate by fractions, so a ship's level and upright edges cross the pixels at evenly
 spread phases and point sampling converges several times faster than on a level lattice."""
 
-FAR_FIELD = 1.5
+FAR_FIELD_FACTOR = 1.5
 """Error of drawing the far field at a finite range, over reach / range; see `far_field_error`."""
 
-ACROSS = 0.2
+ACROSS_SHARE = 0.2
 """Share of a distance across the line of sight that counts as reach; see `far_field_error`."""
 
 MAX_SIDE = 16384
@@ -175,7 +175,7 @@ def far_field_error(reach: float, slant_range: float, *, across: float = 0.0) ->
     require("reach", reach, minimum=0.0)
     require("across", across, minimum=0.0)
     require("slant_range", slant_range, positive=True)
-    return FAR_FIELD * max(reach, ACROSS * across) / slant_range
+    return FAR_FIELD_FACTOR * max(reach, ACROSS_SHARE * across) / slant_range
 
 
 @dataclass(frozen=True)

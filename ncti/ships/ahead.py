@@ -31,21 +31,21 @@ def build_ahead(
     is killed. `progress` is called with the number of ships that are built, after each one of this
     process.
     """
-    most = processes or min(processor_count(), MAX_PROCESSES)
-    count = max(1, min(most, len(ships)))
-    others: list[Popen[bytes]] = []
+    max_processes = processes or min(processor_count(), MAX_PROCESSES)
+    count = max(1, min(max_processes, len(ships)))
+    started: list[Popen[bytes]] = []
     try:
         with suppress(OSError):
             for first in range(1, count):
                 command = [sys.executable, "-m", __name__, str(cache), *ships[first::count]]
-                others.append(Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL))
+                started.append(Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL))
         for ship in ships[::count]:
             _build([ship], cache)
             progress(sum(_is_built(name, cache) for name in ships))
-        for process in others:
+        for process in started:
             process.wait()
     finally:
-        for process in others:
+        for process in started:
             process.kill()
             process.wait()
 

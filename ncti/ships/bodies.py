@@ -23,12 +23,12 @@ from ncti.ships.surfaces import (
     surface_of,
     triangle_areas,
 )
-from ncti.ships.welding import APART, count_text, weld_surface
+from ncti.ships.welding import WELD_DISTANCE, count_text, weld_surface
 
 MAX_OPENINGS = 10_000  # to which planes are fitted
 MAX_OPEN = 0.05  # of the surface, up to which openings are closed on request
-FLAT = 1e-7  # volume over surface and longest extent, up to which a body has no inside
-WITHIN = 1e-6  # of a body's volume, which rounding leaves outside the body around it
+MIN_THICKNESS = 1e-7  # volume over surface and longest extent, up to which a body has no inside
+MAX_EXCESS = 1e-6  # of a body's volume, which rounding leaves outside the body around it
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Body:
         a, b, c = (self.vertices - self.vertices[:1])[self.faces].transpose(1, 0, 2)
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
         extent = float(np.ptp(self.vertices, axis=0).max())
-        flat = FLAT * extent * float(triangle_areas(self.vertices[self.faces]).sum())
+        flat = MIN_THICKNESS * extent * float(triangle_areas(self.vertices[self.faces]).sum())
         return volume if abs(volume) > flat else 0.0
 
     @cached_property
@@ -83,14 +83,14 @@ class Body:
 
     def is_within(self, other: Body, where: str) -> bool:
         """Return whether it lies inside another; both face outward."""
-        if self.volume >= (1 - WITHIN) * other.volume:
+        if self.volume >= (1 - MAX_EXCESS) * other.volume:
             return False  # the same
-        return bool((self.solid(where) - other.solid(where)).volume() <= WITHIN * self.volume)
+        return bool((self.solid(where) - other.solid(where)).volume() <= MAX_EXCESS * self.volume)
 
 
 @dataclass
 class Workshop:
-    """Name and units of a mesh for messages, and the faults mended so far."""
+    """Name and units of a mesh for messages, and the faults corrected so far."""
 
     where: str  # name of the mesh in messages
     locate: Callable[[Floats], Floats] | None  # from [m] to the file's coordinates
@@ -115,7 +115,7 @@ def closed_bodies(
     locate: Callable[[Floats], Floats] | None = None,
     repair: bool = False,
 ) -> tuple[list[Body], tuple[str, ...]]:
-    """Return the closed bodies of a mesh, wound outward, and its mended faults.
+    """Return the closed bodies of a mesh, wound outward, and its corrected faults.
 
     Bodies with a volume come first. `vertices` (vertex, 3) [m] and `faces` (facet, 3) have no
     duplicates; z = 0 is the waterline. `where` names the mesh in messages, and `locate` turns
@@ -179,13 +179,13 @@ def _align_winding(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
         )
     sizes = np.bincount(labels[0], minlength=labels.max() + 1)
     size, turned_size = sizes[labels]
-    wrong = (size < turned_size) | ((size == turned_size) & (labels[0] > labels[1]))
-    place = work.place(vertices[faces[wrong][0]])
+    is_reversed = (size < turned_size) | ((size == turned_size) & (labels[0] > labels[1]))
+    place = work.place(vertices[faces[is_reversed][0]])
     work.faults.append(
-        f"{count_text(int(wrong.sum()), 'facet')} wound the other way than those around "
+        f"{count_text(int(is_reversed.sum()), 'facet')} wound the other way than those around "
         f"(the first at {place})"
     )
-    return np.where(wrong[:, None], faces[:, ::-1], faces)
+    return np.where(is_reversed[:, None], faces[:, ::-1], faces)
 
 
 def _weld(surface: Surface, work: Workshop) -> Surface:
@@ -209,10 +209,10 @@ def _close_openings(surface: Surface, work: Workshop) -> Surface:
     starts, stops = ends.reshape(2, -1)
     number = int(components(starts, stops, len(rim)).max()) + 1
     if number > MAX_OPENINGS:
-        many = f"{len(edges):,} edges in {number:,} openings"
-        raise ShipError(f"{work.where} is open along {many}, but must be a closed surface.")
+        edges_text = f"{len(edges):,} edges in {number:,} openings"
+        raise ShipError(f"{work.where} is open along {edges_text}, but must be a closed surface.")
     holes = openings(surface)
-    distance = APART * float(np.ptp(surface.vertices, axis=0).max())
+    distance = WELD_DISTANCE * float(np.ptp(surface.vertices, axis=0).max())
     wide = np.flatnonzero(2 * holes.areas > distance * holes.perimeters)
     slits = len(holes.loops) - len(wide)
     closed = surface_of(surface.vertices, np.concatenate([surface.faces, *holes.patches]))
@@ -230,7 +230,7 @@ def _describe_openings(
 ) -> str:
     """Describe the openings in words; refuse the surface if they may not be closed."""
     areas, loops = holes.areas[wide], [holes.loops[number] for number in wide]
-    water = APART * float(np.ptp(surface.vertices, axis=0).max())
+    water = WELD_DISTANCE * float(np.ptp(surface.vertices, axis=0).max())
     above_water = np.array([surface.vertices[loop, 2].max() > water for loop in loops])
     total_area = float(triangle_areas(surface.corners).sum() + holes.areas.sum())
     share = float(areas[above_water].sum()) / total_area
@@ -274,7 +274,7 @@ def _orient_outward(bodies: list[Body], work: Workshop) -> list[Body]:
     inverse = sum(body.volume for body in solids) < 0
     outward = [body if body.volume > 0 else body.reversed_body for body in solids]
     bounds = np.array([body.bounds for body in outward]).reshape(-1, 2, 3)
-    outer, cavities, wrong = [], [], []
+    outer, cavities, inside_out = [], [], []
     for number, (body, turned) in enumerate(zip(solids, outward, strict=True)):
         around = []
         if (body.volume < 0) != inverse:
@@ -289,16 +289,16 @@ def _orient_outward(bodies: list[Body], work: Workshop) -> list[Body]:
         else:
             outer.append(number)
         if (body.volume < 0) != (len(around) % 2 == 1):
-            wrong.append(number)
+            inside_out.append(number)
     containers = dict(zip(outer, (outward[number] for number in outer), strict=True))
     for number, around in cavities:
         container = min((k for k in around if k in containers), key=lambda k: outward[k].volume)
         containers[container] = containers[container].join(outward[number].reversed_body)
-    if wrong:
-        place = work.place(solids[wrong[0]].vertices)
+    if inside_out:
+        place = work.place(solids[inside_out[0]].vertices)
         work.faults.append(
             "its whole surface inside out"
-            if len(wrong) == len(bodies)
-            else f"{len(wrong)} of {len(bodies)} bodies inside out (the first at {place})"
+            if len(inside_out) == len(bodies)
+            else f"{len(inside_out)} of {len(bodies)} bodies inside out (the first at {place})"
         )
     return [*containers.values(), *flat]

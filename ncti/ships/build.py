@@ -163,11 +163,11 @@ def _one_body(sheet: Sheet, solid: Manifold, hull: Manifold, pieces: list[Piece]
             f"{sheet.name}: the hull encloses no volume, but its stations must be apart, and each "
             "have a width and a height."
         )
-    ship, *adrift = sorted(shells, key=Manifold.volume, reverse=True)
-    if adrift:
+    ship, *loose = sorted(shells, key=Manifold.volume, reverse=True)
+    if loose:
         solids = [(p.name, p.solid) for p in pieces if not p.cuts]
         solids.append(("a cut-off part of the hull", hull))
-        names = {name for name, part in solids for a in adrift if not (part ^ a).is_empty()}
+        names = {name for name, part in solids for a in loose if not (part ^ a).is_empty()}
         raise ShipError(
             f"{sheet.name}: {', '.join(sorted(names))} would float in the air, "
             "but every component must be attached to the hull."

@@ -101,8 +101,8 @@ def path(value: Any) -> NDArray[np.float64]:
 def polygon(value: Any) -> NDArray[np.float64]:
     """Return the corners of a polygon, turning from the first axis to the second."""
     corners = points(value, columns=2, rows=3)
-    ahead = np.roll(corners, -1, axis=0)
-    area = float(np.sum(corners[:, 0] * ahead[:, 1] - corners[:, 1] * ahead[:, 0]) / 2)
+    following = np.roll(corners, -1, axis=0)
+    area = float(np.sum(corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) / 2)
     corners = corners if area > 0 else corners[::-1]
     repeats = len(np.unique(corners, axis=0)) < len(corners)
     covered = CrossSection([corners]).area()  # not the sum above where the outline crosses itself

@@ -93,5 +93,5 @@ def _check_size(where: str, text: str) -> None:
             raise _excess_error(where, excess, MAX_VALUES)
 
 
-def _excess_error(where: str, excess: str, most: int) -> ShipError:
-    return ShipError(f"{where}: {excess}, but may be at most {most}.")
+def _excess_error(where: str, excess: str, limit: int) -> ShipError:
+    return ShipError(f"{where}: {excess}, but may be at most {limit}.")

@@ -77,8 +77,8 @@ def bulwark(
     half, deck = hull.deck_edge(x)
     top = np.interp(x, [start, knuckle], [stem_top, aft_top])
     after = x > knuckle
-    fade = (end - x[after]) / (end - knuckle)
-    top[after] = deck[after] + fade * (aft_top - deck[after])
+    share = (end - x[after]) / (end - knuckle)
+    top[after] = deck[after] + share * (aft_top - deck[after])
     top = np.maximum(top, deck + 0.05)
     lean = (top - deck) * np.tan(np.radians(flare)) * np.clip(x / 8.0, 0, 1)
     outer = np.stack([half, half + lean], -1)

@@ -8,13 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.ships.fairing import MonotoneCubic
 from ncti.ships.lofting import loft
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PchipInterpolator
 
 FLARE_POWER = 1.2  # half-breadth grows from the waterline to the deck as height to this power
 STEM_HEIGHT = 0.25  # the stem's face at its head [m]
@@ -39,14 +42,14 @@ class Hull:
     transom_angle: float
 
     @cached_property
-    def _deck(self) -> MonotoneCubic:
-        return MonotoneCubic.through(self.stations[:, 0], self.stations[:, 1:3])
+    def _deck(self) -> PchipInterpolator:
+        return _monotone_cubics(self.stations[:, 0], self.stations[:, 1:3])
 
     @cached_property
-    def _waterline(self) -> MonotoneCubic:
+    def _waterline(self) -> PchipInterpolator:
         x, half = self.stations[:, 0], self.stations[:, 3:]
         wet = ~np.isnan(half[:, 0])
-        return MonotoneCubic.through(x[wet], half[wet])
+        return _monotone_cubics(x[wet], half[wet])
 
     def deck_edge(self, x: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return half-breadth and height of the weather deck at side [m].
@@ -67,17 +70,17 @@ class Hull:
         for before, after in pairwise(self.stations):
             drop = before[1] - after[1]
             if after[0] - before[0] < 0.2 and drop > 0.3:
-                ahead = before[0] + 1e-9 - x
-                head -= drop * np.where(ahead >= 0, np.clip(1 - ahead / 20, 0, 1), 0)
+                lead = before[0] + 1e-9 - x
+                head -= drop * np.where(lead >= 0, np.clip(1 - lead / 20, 0, 1), 0)
         return head
 
     def solid(self) -> Manifold:
         """Return the hull from the waterline to the weather deck."""
         every_metre = np.arange(0, self.loa)
         station_x = self.stations[:, 0]
-        fresh = np.abs(every_metre[:, None] - station_x).min(axis=1) > 0.05
+        between = np.abs(every_metre[:, None] - station_x).min(axis=1) > 0.05
         # Half a metre past the transom's head, for the transom's plane to cut.
-        x = np.sort(np.concatenate([every_metre[fresh], station_x, [self.loa + 0.5]]))
+        x = np.sort(np.concatenate([every_metre[between], station_x, [self.loa + 0.5]]))
         half_deck, deck = self.deck_edge(x)
         wet = self.stations[~np.isnan(self.stations[:, 3]), 0]
         half_water = self._waterline(np.clip(x, wet[0], wet[-1]))[:, 0]
@@ -99,3 +102,11 @@ class Hull:
         forward = np.array([-np.cos(lean), 0.0, np.sin(lean)])
         offset = float(forward @ [self.loa, 0.0, self.transom_head])
         return loft(rings).trim_by_plane(tuple(forward), offset)
+
+
+def _monotone_cubics(x: NDArray[np.float64], y: NDArray[np.float64]) -> PchipInterpolator:
+    """Return cubics through (knot,) and (knot, curve), monotone wherever the knots are."""
+    from scipy.interpolate import PchipInterpolator
+
+    with np.errstate(all="ignore"):  # stations may nearly coincide
+        return PchipInterpolator(x, y)

@@ -23,8 +23,8 @@ from ncti.ships.drawing import figure, measures
 from ncti.ships.errors import ShipError, short_repr
 from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
-    MAX_SCALE,
-    MIN_SCALE,
+    MAX_SIGMA_SCALE,
+    MIN_SIGMA_SCALE,
     Carriage,
     Variant,
     build_variant,
@@ -160,8 +160,8 @@ def load(
         Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
         and `beam` [m], which for a sheet are those of the hull without overhanging parts,
-        `findings`, `mend` and `faults` of `describe`, and `variant_of`, the ship of a variant, or
-        None. Notebooks show its silhouette with these.
+        `findings`, `suggested_transform` and `faults` of `describe`, and `variant_of`, the ship of
+        a variant, or None. Notebooks show its silhouette with these.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def ship_mesh(
         "beam": ship.beam,
         "variant_of": source.variant.base if source.variant else None,
         "findings": diagnosis.findings,
-        "mend": diagnosis.mend,
+        "suggested_transform": diagnosis.suggested_transform,
         "faults": faults,
     }
     return ShipMesh(ship.vertices, ship.faces, attributes)
@@ -275,17 +275,17 @@ def variants(
     """
     if name not in names():
         raise ShipError(f"name {short_repr(name)} must be one of {', '.join(names())}.")
-    for key, value, least in (("count", count, 1), ("seed", seed, 0)):
+    for key, value, lowest in (("count", count, 1), ("seed", seed, 0)):
         if (
             isinstance(value, bool)
             or not isinstance(value, Integral)
-            or not least <= value < 10**18
+            or not lowest <= value < 10**18
         ):
             raise ShipError(
-                f"{key} {short_repr(value)} must be a whole number of at least {least}."
+                f"{key} {short_repr(value)} must be a whole number of at least {lowest}."
             )
     try:
-        scale = checks.number(scale, low=MIN_SCALE, high=MAX_SCALE)
+        scale = checks.number(scale, low=MIN_SIGMA_SCALE, high=MAX_SIGMA_SCALE)
     except checks.RefusedValueError as allowed:
         raise ShipError(f"scale is {short_repr(scale)}, but must be {allowed}.") from None
     labels = [str(Variant(name, int(seed), number, scale)) for number in range(1, int(count) + 1)]
@@ -310,10 +310,10 @@ class Description:
         Numbers of the corners of each facet.
     findings : tuple of str
         What looks wrong, as "lies on its side"; empty where nothing does.
-    mend : Transform or None
+    suggested_transform : Transform or None
         Transform of the file that would correct all of that, instead of the one given.
     faults : tuple of str
-        Faults of the surface, which are mended, as "1 of 2 bodies inside out".
+        Corrected faults of the surface, as "1 of 2 bodies inside out".
 
     See Also
     --------
@@ -339,7 +339,7 @@ class Description:
     vertices: NDArray[np.float64] = field(repr=False)
     faces: NDArray[np.integer] = field(repr=False)
     findings: tuple[str, ...] = ()
-    mend: Transform | None = None
+    suggested_transform: Transform | None = None
     faults: tuple[str, ...] = ()
 
     def _repr_html_(self) -> str:
@@ -402,7 +402,7 @@ def describe(
     >>> wrong = ncti.ships.describe("duncan", offset=[60, 0, 3])
     >>> wrong.findings
     ('has its origin at the stern', 'floats 3.0 m above the water')
-    >>> wrong.mend.is_identity
+    >>> wrong.suggested_transform.is_identity
     True
     """
     source = _find_source(name_or_path)
@@ -418,7 +418,7 @@ def describe(
         ship.vertices,
         ship.faces,
         diagnosis.findings,
-        diagnosis.mend,
+        diagnosis.suggested_transform,
         faults,
     )
 
@@ -460,8 +460,8 @@ def _ship_solid(
 def _build_ship(source: _Source) -> Ship:
     if source.variant is None:
         return build(_parse_sheet(source))
-    sheet, borne = _sheet_and_carriage(replace(source, name=source.variant.base, variant=None))
-    return build_variant(sheet, borne, source.variant)
+    sheet, carriage = _sheet_and_carriage(replace(source, name=source.variant.base, variant=None))
+    return build_variant(sheet, carriage, source.variant)
 
 
 def _parse_sheet(source: _Source) -> sheets.Sheet:
@@ -527,11 +527,11 @@ def _read_content(path: Path, megabytes: int) -> bytes:
     """Return the content of a regular file; reading a pipe or device might never end."""
     if not stat.S_ISREG(path.stat().st_mode):
         raise ShipError(f"ship file '{path}' is no regular file, but must be one.")
-    most = megabytes * 10**6
+    max_bytes = megabytes * 10**6
     with open(path, "rb", opener=_open_without_waiting) as file:
         size = os.fstat(file.fileno()).st_size
-        content = file.read(most + 1) if size <= most else b""
-    if max(size, len(content)) > most:
+        content = file.read(max_bytes + 1) if size <= max_bytes else b""
+    if max(size, len(content)) > max_bytes:
         raise ShipError(
             f"ship file '{path}' has {max(size, len(content))} bytes, "
             f"but may have at most {megabytes} million."

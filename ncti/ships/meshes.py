@@ -32,8 +32,8 @@ class PlacedMesh:
     """A mesh in the ship frame, and signs that it is not.
 
     `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
-    from outside; `diagnosis` includes the parts below the waterline, and mends the file's
-    transform; `faults` of the file are mended.
+    from outside; `diagnosis` includes the parts below the waterline, and suggests the file's
+    transform; `faults` of the file are corrected.
     """
 
     vertices: NDArray[np.float64]
@@ -60,7 +60,6 @@ def place(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
 ) -> PlacedMesh:
     """Return a built ship, whose surface is closed, after a transform; raises as `read` does."""
-    # Imported where it is used: trimesh takes half a second.
     import trimesh
 
     (ship,) = _to_ship_frame([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
@@ -89,7 +88,7 @@ def _to_ship_frame(
 def _bodies(
     parts: list[trimesh.Trimesh], transform: Transform, where: str
 ) -> tuple[list[Body], tuple[str, ...]]:
-    """Return the closed bodies of geometries, and the faults mended in them."""
+    """Return the closed bodies of geometries, and the faults corrected in them."""
     import trimesh
 
     merged = [_merge_vertices(part) for part in parts]
@@ -115,11 +114,12 @@ def _clip_to_water(
     merged = reduce(Body.join, bodies)
     low, high = (float(height) for height in merged.bounds[:, 2])
     diagnosis = diagnose(merged.vertices, merged.faces)
-    if diagnosis.mend:  # of the file, instead of its transform
-        diagnosis = replace(diagnosis, mend=transform.compose(diagnosis.mend))
+    if suggested := diagnosis.suggested_transform:  # of the file, instead of its transform
+        suggested = transform.compose(suggested)
+        diagnosis = replace(diagnosis, suggested_transform=suggested)
     if high <= 0:
         findings = " and ".join(dict.fromkeys(("lies wholly under water", *diagnosis.findings)))
-        advice = f" ({{{diagnosis.mend}}} would correct that)" if diagnosis.mend else ""
+        advice = f" ({{{suggested}}} would correct that)" if suggested else ""
         raise ShipError(f"{where} {findings}, but only z > 0 m counts{advice}.")
     solid_bodies = [body for body in bodies if body.volume]
     if not solid_bodies:

@@ -16,21 +16,21 @@ from ncti.ships.transform import Transform
 Floats = NDArray[np.float64]
 
 SECTIONS = 64  # along each axis
-UNLIKE = 0.3  # asymmetry from which an axis may be the vertical one; six ships: 0.96, others 0.2
-TALL = 2.0  # height over length and beam from which no ship stands upright
-LONGER = 1.1  # by which y must be longer than x to be the length
-HEAVY = 0.55  # place of the centre of volume, of the height, above which a ship may be upside down
-SHORT = 0.5  # length of the lowest sections over that of the highest, below which it is
-FINER = 1.3  # ratio of sections at both ends from which the finer one is taken as the bow
-OFF_CENTRE = 0.25  # distance of the origin from the middle, of length or beam
-AFLOAT = 0.005  # height of the lowest point above the water, of the height, that rounding leaves
+MIN_ASYMMETRY = 0.3  # of the vertical axis; six ships: 0.96, their other axes 0.2
+MAX_HEIGHT_RATIO = 2.0  # height of an upright ship over its length and its beam
+MIN_LENGTH_RATIO = 1.1  # by which y must be longer than x to be the length
+MAX_CENTRE_HEIGHT = 0.55  # of the centre of volume of an upright ship, over its height
+MIN_BOTTOM_RATIO = 0.5  # length of the lowest sections of an upright ship over the highest
+MIN_BOW_RATIO = 1.3  # of sections at both ends, from which the finer end is taken as the bow
+MAX_ORIGIN_OFFSET = 0.25  # of the origin from the middle, over length or beam
+MAX_DRY_SHARE = 0.005  # height of the lowest point above the water, over the height, by rounding
 MIN_LIFT = 0.005  # least height [m] reported, as offsets are rounded to 0.01 m
-KEEL = 0.75  # area of the lowest section over that of one higher, below which the lowest is a keel
-DRAUGHT = 1 / 3  # of the beam, where it is not known
+MAX_KEEL_RATIO = 0.75  # area of the lowest section over that of one higher, where it is a keel
+DRAUGHT_RATIO = 1 / 3  # draught over beam, where it is not known
 
-LOW, HIGH = (0.03, 0.06, 0.1), (0.9, 0.94, 0.97)  # of the height
-BOTTOM, ABOVE_BOTTOM = 0.005, 0.08  # of the height
-ENDS = 0.1  # of the length
+LOW_SECTIONS, HIGH_SECTIONS = (0.03, 0.06, 0.1), (0.9, 0.94, 0.97)  # of the height
+BOTTOM_SECTION, NEXT_SECTION = 0.005, 0.08  # of the height
+END_SHARE = 0.1  # of the length
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Diagnosis:
     """Signs that a mesh is not in the ship frame, as verb phrases, and a remedy for all."""
 
     findings: tuple[str, ...] = ()
-    mend: Transform | None = None
+    suggested_transform: Transform | None = None
 
 
 def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
@@ -71,10 +71,10 @@ def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list
     down = _points_down(vertices, faces, vertical, along, areas[vertical])
     if (vertical, along, down) == (2, 0, False):
         return Transform(), []
-    end = max(1, round(ENDS * SECTIONS))
+    end = max(1, round(END_SHARE * SECTIONS))
     first, last = (float(areas[along][ends].mean()) for ends in (slice(end), slice(-end, None)))
     # Positive where both ends are alike.
-    backward = last > FINER * first
+    backward = last > MIN_BOW_RATIO * first
     up, forward = (
         ("-" if negative else "") + "xyz"[axis]
         for axis, negative in ((vertical, down), (along, backward))
@@ -90,15 +90,15 @@ def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list
 
 def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, int]:
     """Return the vertical and the longitudinal axis: z and x unless the shape excludes them."""
-    least = int(np.argmax(asymmetry))
+    odd = int(np.argmax(asymmetry))
     vertical = 2
     # A length may be as unlike at its ends, but no height is the longest of three in a hull.
-    if least != int(np.argmax(extent)) and asymmetry[least] > max(UNLIKE, 2 * asymmetry[2]):
-        vertical = least
-    elif extent[2] > TALL * max(extent[0], extent[1]):
+    if odd != int(np.argmax(extent)) and asymmetry[odd] > max(MIN_ASYMMETRY, 2 * asymmetry[2]):
+        vertical = odd
+    elif extent[2] > MAX_HEIGHT_RATIO * max(extent[0], extent[1]):
         vertical = 0 if extent[0] < extent[1] else 1
     if vertical == 2:
-        return 2, 1 if extent[1] > LONGER * extent[0] else 0
+        return 2, 1 if extent[1] > MIN_LENGTH_RATIO * extent[0] else 0
     first, second = (axis for axis in range(3) if axis != vertical)
     return vertical, first if extent[first] >= extent[second] else second
 
@@ -108,13 +108,13 @@ def _points_down(
 ) -> bool:
     """Return whether the short and light end of the vertical axis is the lower one."""
     middles = (np.arange(SECTIONS) + 0.5) / SECTIONS
-    if float(middles @ areas) <= HEAVY * float(areas.sum()):
+    if float(middles @ areas) <= MAX_CENTRE_HEIGHT * float(areas.sum()):
         return False
     low, high = (
         max(_section_length(vertices, faces, vertical, along, height) for height in heights)
-        for heights in (LOW, HIGH)
+        for heights in (LOW_SECTIONS, HIGH_SECTIONS)
     )
-    return low < SHORT * high
+    return low < MIN_BOTTOM_RATIO * high
 
 
 def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Floats, list[str]]:
@@ -125,24 +125,24 @@ def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Float
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     (length, beam, height), middle = high - low, (low + high) / 2
     shift, findings = np.zeros(3), []
-    if abs(middle[0]) > OFF_CENTRE * length:
+    if abs(middle[0]) > MAX_ORIGIN_OFFSET * length:
         shift[0] = -middle[0]
         findings.append(_origin_fault(low[0], high[0]))
-    if abs(middle[1]) > OFF_CENTRE * beam:
+    if abs(middle[1]) > MAX_ORIGIN_OFFSET * beam:
         shift[1] = -middle[1]
         findings.append(f"has its origin {_distance(middle[1])} off its centreline")
-    if high[2] <= 0 or low[2] > max(AFLOAT * height, MIN_LIFT):
+    if high[2] <= 0 or low[2] > max(MAX_DRY_SHARE * height, MIN_LIFT):
         shift[2] = -low[2]
         findings += _height_finding(low[2], high[2], up)
-    if low[2] + shift[2] >= -AFLOAT * height and _has_keel(vertices, faces):
-        shift[2] -= min(DRAUGHT * beam, height / 2)
+    if low[2] + shift[2] >= -MAX_DRY_SHARE * height and _has_keel(vertices, faces):
+        shift[2] -= min(DRAUGHT_RATIO * beam, height / 2)
         findings.append("has its waterline at its keel (draught taken as a third of the beam)")
     return shift, findings
 
 
 def _origin_fault(low: float, high: float) -> str:
     end, beyond = ("stern", low) if abs(low) < abs(high) else ("bow", -high)
-    if abs(beyond) <= OFF_CENTRE * (high - low):
+    if abs(beyond) <= MAX_ORIGIN_OFFSET * (high - low):
         return f"has its origin at the {end}"
     return f"has its origin {_distance((low + high) / 2)} from amidships"
 
@@ -172,8 +172,8 @@ def _distance(metres: float) -> str:
 
 def _has_keel(vertices: Floats, faces: NDArray[np.integer]) -> bool:
     """Return whether the lowest section is much smaller than one above, as at a keel."""
-    low, above = section_areas(vertices, faces, 2, places=np.array([BOTTOM, ABOVE_BOTTOM]))
-    return bool(low < KEEL * above)
+    low, above = section_areas(vertices, faces, 2, places=np.array([BOTTOM_SECTION, NEXT_SECTION]))
+    return bool(low < MAX_KEEL_RATIO * above)
 
 
 def _asymmetry(areas: Floats) -> float:

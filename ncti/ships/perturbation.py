@@ -22,26 +22,26 @@ from ncti.ships.sheets import Component, Sheet
 
 Floats = NDArray[np.float64]
 
-TRIES = 100  # of draws for a variant, until one builds
-MIN_SCALE, MAX_SCALE = 0.001, 4.0  # beyond, warps would fold
+MAX_DRAWS = 100  # of draws for a variant, until one builds
+MIN_SIGMA_SCALE, MAX_SIGMA_SCALE = 0.001, 4.0  # beyond, warps would fold
 MIN_SIZE, MAX_SIZE = 0.5, 2.0
-LIMIT = 2.0  # sigmas that no place or size goes beyond
-ACROSS, UPWARD = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
+MAX_SIGMAS = 2.0  # sigmas that no place or size goes beyond
+ACROSS_RATIO, UPWARD_RATIO = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
 MODES = 6  # half waves along the ship of the displacement common to its parts
 SHEER_MODES = 2  # of heights, so that a component on two neighbours still stands on both
-MAST = 10.0  # height [m] from which heights vary by their full sigma
-OFFSETS = 0.03  # sigma of half-breadths, relative: 0.2 m of generic lines
-KEPT = 0.5  # share of its contact with its carrier that a moved component keeps, at least
+FULL_SIGMA_HEIGHT = 10.0  # height [m] from which heights vary by their full sigma
+OFFSET_SIGMA = 0.03  # sigma of half-breadths, relative: 0.2 m of generic lines
+MIN_CONTACT = 0.5  # share of its contact with its carrier that a moved component keeps, at least
 HALVINGS = 5
 
 # Sizes along x, y and z of primitives that stretch with the space about them. Equipment does not,
 # as the sizes of its type are known, nor do bars and bodies of revolution.
-ALONG = ("length", "top_length", "top_shift")
-BREADTH = ("width", "top_width")
+LENGTH_KEYS = ("length", "top_length", "top_shift")
+BREADTH_KEYS = ("width", "top_width")
 STRETCHED = ("box", "prism", "poly", "lattice", "recess", "step", "yard", "cyl", "pole")
 # Sizes of a component which carries nothing have an error of their own.
-SIZES = ("length", "width", "height", "top_length", "top_width", "radius", "top_radius")
-FREE = ("box", "prism", "cyl", "pole", "sphere", "yard")
+SIZE_KEYS = ("length", "width", "height", "top_length", "top_width", "radius", "top_radius")
+RESIZED = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
 
 def variant_error(name: str) -> ShipError:
@@ -85,7 +85,7 @@ class Variant:
         if variant is None or str(variant) != name or variant.number < 1:
             raise variant_error(name)
         for key, factor, low, high in (
-            ("scale", variant.scale, MIN_SCALE, MAX_SCALE),
+            ("scale", variant.scale, MIN_SIGMA_SCALE, MAX_SIGMA_SCALE),
             ("size", variant.size, MIN_SIZE, MAX_SIZE),
         ):
             if not low <= factor <= high:
@@ -123,12 +123,12 @@ class Carriage:
 
     def sigmas(self, sheet: Sheet) -> Floats:
         """Return the least sigma of each component and of all that it carries [m]."""
-        least = np.array([component.sigma for component in sheet.components])
+        smallest = np.array([component.sigma for component in sheet.components])
         for number in reversed(self.order):
             carrier = self.carrier[number]
             if carrier >= 0:
-                least[carrier] = min(least[carrier], least[number])
-        return least
+                smallest[carrier] = min(smallest[carrier], smallest[number])
+        return smallest
 
 
 def _shared_volumes(copies: list[Manifold], bearers: list[Manifold]) -> Floats:
@@ -161,14 +161,14 @@ def carriage(sheet: Sheet) -> Carriage:
         return _shared_volumes(solids[number], solids[other])
 
     carrier, contact = [-1] * count, [shared_volume(number, -1) for number in range(count)]
-    waiting, order = set(range(count)), []
-    while waiting:
-        best = max(waiting, key=lambda number: (contact[number].sum(), -number))
-        waiting.remove(best)
+    remaining, order = set(range(count)), []
+    while remaining:
+        best = max(remaining, key=lambda number: (contact[number].sum(), -number))
+        remaining.remove(best)
         order.append(best)
         if sheet.components[best].primitive.cuts:
             continue
-        for number in waiting:
+        for number in remaining:
             volumes = shared_volume(number, best)
             if volumes.sum() > contact[number].sum():
                 carrier[number], contact[number] = best, volumes
@@ -188,7 +188,7 @@ class _Wave:
     ) -> _Wave:
         wave = cls(length, sigma * np.sqrt(2 / modes) * rng.standard_normal(modes))
         highest = np.abs(wave(np.linspace(0, length, 200))).max()
-        beyond = max(1.0, highest / (LIMIT * sigma)) if sigma else 1.0
+        beyond = max(1.0, highest / (MAX_SIGMAS * sigma)) if sigma else 1.0
         return replace(wave, amplitudes=wave.amplitudes / beyond)
 
     def __call__(self, x: Any) -> Floats:
@@ -213,10 +213,10 @@ class _Warp:
         return cls(
             hull,
             along=_Wave.draw(rng, hull.loa, sigma),
-            across=_Wave.draw(rng, hull.loa, ACROSS * sigma),
-            upward=_Wave.draw(rng, hull.loa, UPWARD * sigma, modes=SHEER_MODES),
-            deck=_Wave.draw(rng, hull.loa, OFFSETS * scale),
-            water=_Wave.draw(rng, hull.loa, OFFSETS * scale),
+            across=_Wave.draw(rng, hull.loa, ACROSS_RATIO * sigma),
+            upward=_Wave.draw(rng, hull.loa, UPWARD_RATIO * sigma, modes=SHEER_MODES),
+            deck=_Wave.draw(rng, hull.loa, OFFSET_SIGMA * scale),
+            water=_Wave.draw(rng, hull.loa, OFFSET_SIGMA * scale),
         )
 
     def x(self, x: Any) -> Floats:
@@ -224,7 +224,7 @@ class _Warp:
 
     def z(self, x: Any, z: Any) -> Floats:
         height = np.asarray(z, dtype=np.float64)
-        return height + self.upward(x) * np.clip(height / MAST, 0, 1)
+        return height + self.upward(x) * np.clip(height / FULL_SIGMA_HEIGHT, 0, 1)
 
     def half(self, x: Any, half: Floats, wave: _Wave) -> Floats:
         """Return half-breadths of the hull; the widest stays, so that its beam does."""
@@ -292,7 +292,9 @@ def _warp_component(component: Component, warp: _Warp, column: float) -> Compone
     )
     if component.prim in STRETCHED:
         along, across, up = _stretch(component, warp, column)
-        factors = dict.fromkeys(ALONG, along) | dict.fromkeys(BREADTH, across) | {"height": up}
+        factors = (
+            dict.fromkeys(LENGTH_KEYS, along) | dict.fromkeys(BREADTH_KEYS, across) | {"height": up}
+        )
         sizes |= {key: size * factors[key] for key, size in sizes.items() if key in factors}
     if "outline" in sizes:
         px, py = sizes["outline"].T
@@ -336,12 +338,14 @@ def _resize_component(component: Component, factor: float, beam: float) -> Compo
     """Return a component that is larger by a factor, but does not reach beyond the beam."""
     if abs(component.at[1]) + component.sizes.get("width", 0.0) * factor / 2 > beam / 2:
         factor = min(factor, 1.0)
-    sizes = {key: size * factor if key in SIZES else size for key, size in component.sizes.items()}
+    sizes = {
+        key: size * factor if key in SIZE_KEYS else size for key, size in component.sizes.items()
+    }
     return replace(component, sizes=sizes)
 
 
 def perturb_sheet(
-    sheet: Sheet, borne: Carriage, *, rng: np.random.Generator, scale: float
+    sheet: Sheet, carriage: Carriage, *, rng: np.random.Generator, scale: float
 ) -> Sheet:
     """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
@@ -355,11 +359,12 @@ def perturb_sheet(
     warp = _Warp.draw(rng, sheet.hull, common, scale)
     if (np.diff(warp.x(sheet.hull.stations[:, 0])) <= 0).any():
         raise ShipError(f"{sheet.name}: a warp of scale {scale:g} folds the hull.")
-    fresh = replace(sheet, hull=warp.lines())
-    hull = [fresh.hull.solid()]
-    sigma, feet, carriers = scale * borne.sigmas(sheet), borne.ancestors(), set(borne.carrier)
-    places = np.clip(rng.standard_normal((len(sigma), 2)), -LIMIT, LIMIT) * [1, ACROSS]
-    sizes = np.clip(rng.standard_normal(len(sigma)), -LIMIT, LIMIT)
+    warped = replace(sheet, hull=warp.lines())
+    hull = [warped.hull.solid()]
+    sigma, feet = scale * carriage.sigmas(sheet), carriage.ancestors()
+    places = np.clip(rng.standard_normal((len(sigma), 2)), -MAX_SIGMAS, MAX_SIGMAS)
+    places[:, 1] *= ACROSS_RATIO
+    sizes = np.clip(rng.standard_normal(len(sigma)), -MAX_SIGMAS, MAX_SIGMAS)
     moves, components, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
 
     def place(number: int, move: Floats) -> Component:
@@ -367,10 +372,10 @@ def perturb_sheet(
         plan = move if feet[number] == number else moves[feet[number]]
         # Rise of the deck from the place that the warp alone gives the foot to its final place.
         _, before = sheet.hull.deck_edge(column)
-        _, after = fresh.hull.deck_edge(warp.x(column) + plan[0])
+        _, after = warped.hull.deck_edge(warp.x(column) + plan[0])
         rise = float(after - warp.z(column, before))
         changed = _move_component(_warp_component(component, warp, column), np.array([*move, rise]))
-        if number not in carriers and component.prim in FREE:
+        if number not in carriage.carrier and component.prim in RESIZED:
             factor = float(np.exp(scale * component.size_sigma * sizes[number]))
             changed = _resize_component(changed, factor, 2 * sheet.hull.stations[:, 2].max())
         return changed
@@ -380,11 +385,11 @@ def perturb_sheet(
         reach = _bounds(copies)[:, :2]
         if (reach[0] < low).any() or (reach[1] > high).any():
             return False
-        contact = _shared_volumes(copies, solids[borne.carrier[number]])
-        return bool((contact >= KEPT * borne.contact[number]).all())
+        contact = _shared_volumes(copies, solids[carriage.carrier[number]])
+        return bool((contact >= MIN_CONTACT * carriage.contact[number]).all())
 
-    for number in borne.order:
-        component, carrier = sheet.components[number], borne.carrier[number]
+    for number in carriage.order:
+        component, carrier = sheet.components[number], carriage.carrier[number]
         base = moves[carrier] if carrier >= 0 else np.zeros(2)
         below = max(common, sigma[carrier]) if carrier >= 0 else common
         shift = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
@@ -393,33 +398,33 @@ def perturb_sheet(
         if component.primitive.cuts or "edge" in component.sizes:
             shift[:] = 0.0  # the deck's edge, or the body they are cut from, fixes their place
         if shift.any():
-            unmoved = copies_of(fresh, place(number, base))
-            room = _bounds([*hull, *unmoved])[:, :2]
+            base_copies = copies_of(warped, place(number, base))
+            room = _bounds([*hull, *base_copies])[:, :2]
             halved = (shift / 2**halving for halving in range(HALVINGS))
-            tried = ((move, copies_of(fresh, place(number, base + move))) for move in halved)
-            fitting = (move for move, copies in tried if keeps_contact(number, room, copies))
+            placed = ((move, copies_of(warped, place(number, base + move))) for move in halved)
+            fitting = (move for move, copies in placed if keeps_contact(number, room, copies))
             shift = next(fitting, np.zeros(2))
         moves[number] = base + shift
         components[number] = place(number, moves[number])
-        if number in carriers:
-            solids[number] = copies_of(fresh, components[number])
-    return replace(fresh, components=tuple(components))
+        if number in carriage.carrier:
+            solids[number] = copies_of(warped, components[number])
+    return replace(warped, components=tuple(components))
 
 
-def build_variant(sheet: Sheet, borne: Carriage, variant: Variant) -> Ship:
+def build_variant(sheet: Sheet, carriage: Carriage, variant: Variant) -> Ship:
     """Return the ship of the first attempt that builds; `ShipError` if none does.
 
     Ship, seed, number and attempt key the stream of an attempt.
     """
-    for attempt in range(TRIES):
+    for attempt in range(MAX_DRAWS):
         try:
             rng = variant.stream(attempt)
-            ship = build(perturb_sheet(sheet, borne, rng=rng, scale=variant.scale))
+            ship = build(perturb_sheet(sheet, carriage, rng=rng, scale=variant.scale))
         except ShipError:
             continue
         size = variant.size
         return Ship(ship.vertices * size, ship.faces, ship.loa * size, ship.beam * size)
     raise ShipError(
-        f"{variant}: none of {TRIES} draws of scale {variant.scale:g} gives one whole ship, so the "
-        "scale must be smaller."
+        f"{variant}: none of {MAX_DRAWS} draws of scale {variant.scale:g} gives one whole ship, so "
+        "the scale must be smaller."
     )

@@ -248,7 +248,7 @@ def _stations(where: str, table: Any) -> np.ndarray:
     if len(wet) < 2 or len(wet) != wet[-1] - wet[0] + 1:
         raise ShipError(f"{where} must reach the waterline at two or more neighbouring sections.")
     for before, after in pairwise(stations[:, 0]):
-        if not before < after:
+        if not after - before > 1e-12:  # so that slopes are finite
             raise ShipError(f"{where}: x must grow, but {after:g} follows {before:g}.")
     return stations
 

@@ -57,7 +57,12 @@ def box(
     return loft(np.array(rings) @ [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
 
 
-def prism(
+def prism(*, shape: str = "box", **sizes: float) -> Manifold:
+    """Return a tapered tower; `shape` "oval" gives it an elliptical section (a mack)."""
+    return box(**sizes) if shape == "box" else _oval_tower(**sizes)
+
+
+def _oval_tower(
     *,
     length: float,
     width: float,
@@ -65,20 +70,8 @@ def prism(
     top_length: float,
     top_width: float,
     top_shift: float = 0.0,
-    shape: str = "box",
     sink: float = 0.0,
 ) -> Manifold:
-    """Return a tapered tower; `shape` "oval" gives it an elliptical section (a mack)."""
-    if shape == "box":
-        return box(
-            length=length,
-            width=width,
-            height=height,
-            top_length=top_length,
-            top_width=top_width,
-            top_shift=top_shift,
-            sink=sink,
-        )
     angle = 2 * np.pi * np.arange(48) / 48
     rings = [
         np.column_stack(
@@ -262,11 +255,11 @@ class Lattice:
         storeys = np.arange(self.bays + 1) * self.height / self.bays
         for lower, upper in pairwise(base + storeys[:, None, None] * slope):
             for leg in range(self.legs):
-                beside = (leg + 1) % self.legs
+                next_leg = (leg + 1) % self.legs
                 for ends in (
-                    [lower[leg], upper[beside]],
-                    [lower[beside], upper[leg]],
-                    [upper[leg], upper[beside]],
+                    [lower[leg], upper[next_leg]],
+                    [lower[next_leg], upper[leg]],
+                    [upper[leg], upper[next_leg]],
                 ):
                     bars.append(tube(ends, self.brace_radius))
         return union(bars)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-ALIKE = 1e-3  # angle between facets at an edge, up to which they lie on each other [rad]
+MAX_FOLD_ANGLE = 1e-3  # angle between facets at an edge, up to which they lie on each other [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,9 +130,9 @@ def _pairs_around_solid(
     reference = out[first[number]]
     side = np.cross(axis, reference)
     angle = np.arctan2(np.einsum("ij,ij->i", out, side), np.einsum("ij,ij->i", out, reference))
-    angle = np.where(angle < -ALIKE, angle + 2 * np.pi, angle)
+    angle = np.where(angle < -MAX_FOLD_ANGLE, angle + 2 * np.pi, angle)
     by_angle = np.lexsort((angle, line))
-    is_first = np.diff(angle[by_angle], prepend=0) > ALIKE
+    is_first = np.diff(angle[by_angle], prepend=0) > MAX_FOLD_ANGLE
     is_first |= np.diff(line[by_angle], prepend=0) > 0
     group = np.empty(len(edges), np.int64)
     group[by_angle] = np.cumsum(is_first)
@@ -165,7 +165,6 @@ def previous_edges(edges: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def components(start: NDArray[np.int64], end: NDArray[np.int64], count: int) -> NDArray[np.int32]:
     """Return the number of the component of each node of a graph, given the ends of its links."""
-    # Imported where they are used: scipy takes a quarter of a second.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

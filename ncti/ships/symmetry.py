@@ -12,10 +12,10 @@ from ncti.ships.surfaces import components
 if TYPE_CHECKING:
     import trimesh
 
-THINNEST = 1e-3
+MIN_THICKNESS = 1e-3
 """Mean thickness [m] above which a part without a mirror image makes a ship asymmetric."""
 
-BALANCED = 1e-4
+MAX_IMBALANCE = 1e-4
 """Greatest centre of mass [m] and products of inertia over mass [m^2] that rounding leaves of a
 symmetric ship with vertices in float32. A ship above it is drawn from both sides, which costs time
 but no accuracy."""
@@ -66,7 +66,7 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
         mesh.center_mass[1],
         *(mesh.moment_inertia[axis, 1] / mesh.mass for axis in (0, 2)),
     )
-    if max(map(abs, balance)) > BALANCED:
+    if max(map(abs, balance)) > MAX_IMBALANCE:
         return False
     # Copies, as manifold3d takes no read-only arrays.
     solid = Manifold(Mesh64(np.array(mesh.vertices, "f8"), np.array(mesh.faces, "u8")))
@@ -82,4 +82,4 @@ def is_symmetric(mesh: trimesh.Trimesh) -> bool:
     normal = np.cross(b - a, c - a)
     volume = np.bincount(part, np.einsum("ij,ij->i", a, normal) / 6)
     surface = np.bincount(part, np.linalg.norm(normal, axis=1) / 2)
-    return bool(np.all(2 * volume <= THINNEST * surface))
+    return bool(np.all(2 * volume <= MIN_THICKNESS * surface))

@@ -11,18 +11,18 @@ from ncti.ships.surfaces import Floats, Surface, components, next_edges, previou
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-APART = 1e-5  # of the longest extent, up to which vertices along open edges are merged
+WELD_DISTANCE = 1e-5  # of the longest extent, up to which vertices along open edges are merged
 MAX_PAIRS = 20_000_000  # of vertices, or of an edge and a vertex, that are compared
-SAMPLED = 200  # points from which the number of pairs is estimated
+SAMPLE_POINTS = 200  # points from which the number of pairs is estimated
 MAX_PASSES = 10  # over open edges with vertices of other facets on them
 
 
 def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
     """Merge close vertices along open edges and end edges at them; return surface and faults."""
-    from scipy.spatial import cKDTree  # slow to import
+    from scipy.spatial import cKDTree
 
     vertices, faces = surface.vertices, surface.faces
-    distance, faults = APART * float(np.ptp(vertices, axis=0).max()), list[str]()
+    distance, faults = WELD_DISTANCE * float(np.ptp(vertices, axis=0).max()), list[str]()
     edges = surface.open_edges
     rim = np.unique(np.concatenate([faces.ravel()[edges], faces.ravel()[next_edges(edges)]]))
     tree = cKDTree(vertices[rim])
@@ -57,7 +57,7 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
 
     It cuts one edge of a facet with several such edges, and also returns the number of vertices.
     """
-    from scipy.spatial import cKDTree  # slow to import
+    from scipy.spatial import cKDTree
 
     vertices, corner = surface.vertices, surface.faces.ravel()
     edges = surface.open_edges
@@ -97,7 +97,7 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
 
 def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
     """Return whether the neighbours of points can be compared; a soup of facets has too many."""
-    sample = slice(None, None, len(points) // SAMPLED + 1)
+    sample = slice(None, None, len(points) // SAMPLE_POINTS + 1)
     counts = tree.query_ball_point(points[sample], radius[sample], return_length=True)
     return float(counts.mean()) * len(points) <= MAX_PAIRS
 

@@ -14,14 +14,18 @@ from ncti.irar.scan import Scan, fly
 from ncti.irar.snapshot import Snapshot, ship_window
 from ncti.irar.time_delay import time_delay_integrate
 from ncti.labels import labelled_array
-from ncti.ladar.budget import LOUDEST, power_ratio
+from ncti.ladar.budget import MAX_DECIBELS, power_ratio
 from ncti.simulate.subject import Ship, check_known, coordinates, generator, seed_of, trimesh_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-GIVEN = {"slant_range", "ship_heading", "cnr"}  # fields of a flight that have other arguments
-PARAMETERS = (frozenset(field.name for field in fields(Flight)) - GIVEN) | {"cnr_db"}
+DERIVED_FIELDS = {
+    "slant_range",
+    "ship_heading",
+    "cnr",
+}  # fields of a flight that have other arguments
+PARAMETERS = (frozenset(field.name for field in fields(Flight)) - DERIVED_FIELDS) | {"cnr_db"}
 AZIMUTHS = ("aircraft_heading", "offset")  # their sum is the azimuth of the line of sight
 INTENSITY, TEMPERATURE = "intensity over noise power", "temperature above the sea"  # of plots
 
@@ -107,7 +111,7 @@ def flight(
     heading = ship_heading(aspect=aspect, sight=sight)
     if "cnr_db" in parameters:
         level = parameters.pop("cnr_db")
-        require("cnr_db", level, minimum=-LOUDEST, maximum=90.0)
+        require("cnr_db", level, minimum=-MAX_DECIBELS, maximum=90.0)
         parameters["cnr"] = power_ratio(level)
     passed = Flight(slant_range=slant_range, ship_heading=heading, **parameters)
     stream = generator(rng, aspect=aspect)
@@ -138,7 +142,6 @@ def _raw_images(scan: Scan) -> xr.Dataset:
 
 def _corrected_images(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     """Return the corrected images over places on the target."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     places = {"vertical": snapshot.row, "horizontal": snapshot.column}

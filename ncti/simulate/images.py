@@ -31,7 +31,7 @@ from ncti.simulate.subject import (
 if TYPE_CHECKING:
     import xarray as xr
 
-LINES_A_PIXEL = 8
+LINES_PER_PIXEL = 8
 """Least lines across a pixel of the image."""
 
 SCENE = frozenset(field.name for field in fields(Imager))
@@ -129,7 +129,7 @@ def infrared_image(
         aspect=aspect,
         depression=depression,
         roll=roll_at(aspect),
-        spacing=min(SPACING, footprint / LINES_A_PIXEL),
+        spacing=min(SPACING, footprint / LINES_PER_PIXEL),
         slant_range=drawn_range(reach_of(mesh.vertices), slant_range),
     )
     temperature = image(
@@ -151,7 +151,6 @@ def infrared_image(
         "super_resolution": super_resolution,
         "contrast_K": imager.contrast(float(slant_range)),
     }
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     rows, columns = temperature.shape

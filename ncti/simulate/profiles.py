@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all
 from ncti.labels import labelled_array
 from ncti.ladar.beam import Beam, Signal
-from ncti.ladar.budget import LOUDEST, carrier_to_noise, power_ratio
+from ncti.ladar.budget import MAX_DECIBELS, carrier_to_noise, power_ratio
 from ncti.ladar.expected import expected_profile
 from ncti.ladar.extent import bins_of
 from ncti.ladar.frames import averaged_frames
@@ -22,7 +22,6 @@ from ncti.ladar.pulse import noise_floor, shortest_pulse
 from ncti.ladar.tolerance import extent_within
 from ncti.ladar.window import check_window
 from ncti.machine_code import compiling_ahead
-from ncti.render.far_field import reach_of
 from ncti.render.flight import DEPRESSION
 from ncti.render.loops import PIECES
 from ncti.render.surfaces import Surfaces
@@ -157,7 +156,7 @@ def range_profile(
     require("accuracy", accuracy, positive=True, maximum=1.0)
     check_sight(slant_range, ifov)
     if cnr_db is not None:
-        require("cnr_db", cnr_db, minimum=-LOUDEST, maximum=LOUDEST)
+        require("cnr_db", cnr_db, minimum=-MAX_DECIBELS, maximum=MAX_DECIBELS)
     ratio = carrier_to_noise(slant_range) if cnr_db is None else power_ratio(cnr_db)
     beam = Beam(ifov, bin_width, window)
     signal = Signal(pulse_width, ratio, target_free_ifovs)
@@ -200,7 +199,6 @@ def _labelled_profiles(
     attributes: dict[str, Any],
 ) -> xr.DataArray:
     """Return profiles with their coordinates and attributes."""
-    # Imported where it is used: xarray takes a third of a second.
     import xarray as xr
 
     down_range, *curves = profiles
@@ -224,15 +222,19 @@ def _checked_aspects(aspect: ArrayLike) -> list[float]:
 def _check_binning(beam: Beam, pulse_width: float) -> None:
     """Raise `ValueError` for a window of too many bins, or a pulse [s] too short for them."""
     bins_of(beam.window, beam.bin_width)
-    # The shortest pulse may be rounded down.
-    shortest = shortest_pulse(beam.bin_width) * (1 - 1e-9)
-    require("pulse_width", pulse_width, minimum=shortest, maximum=max(MAX_PULSE_WIDTH, shortest))
+    shortest, longest = pulse_bounds(beam.bin_width)
+    require("pulse_width", pulse_width, minimum=shortest, maximum=longest)
+
+
+def pulse_bounds(bin_width: float) -> tuple[float, float]:
+    """Return the shortest and the longest pulse [s] for range bins of a width [m]."""
+    shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # a margin for rounding
+    return shortest, max(MAX_PULSE_WIDTH, shortest)
 
 
 def _check_fits(mesh: Mesh, views: Sequence[View], beam: Beam, pulse_width: float) -> None:
     """Raise `ValueError` if a ship does not fit into the window, or its IFOVs into memory."""
-    name, reach = mesh.metadata.get("name", "mesh"), reach_of(mesh.vertices)
-    check_window(beam.window, ship=name, reach=reach, pulse_width=pulse_width)
+    check_window(beam.window, mesh, pulse_width=pulse_width)
     for view in views:
         level = replace(view, roll=0.0)  # as IFOVs are
         _check_memory(mesh, level, beam.ifov, bins_of(beam.window, beam.bin_width)[1])
@@ -244,8 +246,8 @@ def _check_memory(mesh: Mesh, view: View, ifov: float, bins: int) -> None:
     nearest = float(view.slant_range or 0.0) - depth / 2
     places = bins * across * up / (ifov * nearest) ** 2
     if nearest > 0 and places > MAX_PLACES:  # ships that reach the sensor are refused elsewhere
-        least = ifov * math.sqrt(places / MAX_PLACES)
+        narrowest = ifov * math.sqrt(places / MAX_PLACES)
         raise ValueError(
-            f"ifov is {ifov!r} rad, but must be at least {least:.2g} rad for {bins} range bins of "
-            f"a ship of {across:.0f} m by {up:.0f} m at {view.slant_range:g} m"
+            f"ifov is {ifov!r} rad, but must be at least {narrowest:.2g} rad for {bins} range bins "
+            f"of a ship of {across:.0f} m by {up:.0f} m at {view.slant_range:g} m"
         )

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Ship = Any
 """A name of `ncti.ships.names()`, the path of a sheet or mesh, or a mesh in the ship frame."""
 
-KEPT = 8
+CACHED_SHIPS = 8
 """Ships kept: the packaged ones and two of the user's, as of `ncti.render`."""
 
 SPACING = 0.25
@@ -47,11 +47,11 @@ def check_sight(slant_range: float, ifov: float) -> None:
         )
 
 
-def check_known(given: Iterable[str], known: Iterable[str], what: str) -> None:
+def check_known(given: Iterable[str], known: Iterable[str], kind: str) -> None:
     """Raise `ValueError` for the first unknown name."""
     if unknown := sorted(set(given) - set(known)):
         raise ValueError(
-            f"{unknown[0]} is no parameter of {what}, but must be one of {', '.join(sorted(known))}"
+            f"{unknown[0]} is no parameter of {kind}, but must be one of {', '.join(sorted(known))}"
         )
 
 
@@ -63,7 +63,6 @@ def mesh_of(ship: Ship) -> Mesh:
     """
     if isinstance(ship, str | Path):
         return _load_mesh(ship, digest(ship))
-    # Imported here because trimesh takes half a second.
     import trimesh
 
     from ncti.ships.meshes import check_closed
@@ -84,7 +83,7 @@ def trimesh_of(ship: Ship) -> trimesh.Trimesh:
     return mesh.to_trimesh() if isinstance(mesh, ShipMesh) else mesh
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_SHIPS)
 def _load_mesh(ship: str | Path, digest: str) -> ShipMesh:
     """Return the mesh of a name or path whose content has a digest."""
     mesh = ship_mesh(ship)
@@ -93,7 +92,7 @@ def _load_mesh(ship: str | Path, digest: str) -> ShipMesh:
     return mesh
 
 
-SINGLE = {
+SINGLE_VALUES = {
     "range": (1e-3, "km", "slant range"),
     "frame_count": (1, "1", "frames averaged"),
     "pulse_width": (1e9, "ns", "pulse width, full width at 1/e^2"),
@@ -102,7 +101,7 @@ SINGLE = {
 
 
 def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
-    """Return coordinates of a result: the ship, the aspect [deg], and some of `SINGLE` in SI.
+    """Return coordinates of a result: ship, aspect [deg], and some of `SINGLE_VALUES` in SI.
 
     xarray makes the title of a plot from those that are single values, in at most 50 characters.
     """
@@ -112,7 +111,7 @@ def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
         "aspect": labelled_array(dims, np.asarray(aspect, dtype=np.float64), "degree", "aspect"),
     }
     for name, value in single.items():
-        factor, unit, label = SINGLE[name]
+        factor, unit, label = SINGLE_VALUES[name]
         coords[name] = labelled_array((), round(value * factor, 9), unit, label)
     return coords
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ncti.evaluate import Scores, compare, grouped_accuracy, score
 from ncti.evaluate.replicates import CONFIDENCE
 from ncti.evaluate.scores import BIN_WIDTH
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 
 if TYPE_CHECKING:  # xarray takes a third of a second: it is imported where it is used
     import xarray as xr
@@ -57,7 +57,7 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     for name in splits:
         seeds = [_scores(answers, tests, name, seed) for seed in answers[SEED].values]
         by_split.append(_means(seeds, ships))
-    table = xr.concat([data_set(figures) for figures in by_split], SPLIT)
+    table = xr.concat([labelled_dataset(figures) for figures in by_split], SPLIT)
     low = SIDE.tolist()
     return table.assign_coords(
         {
@@ -104,7 +104,9 @@ def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Data
                 "p_value": (outcome.p_value, "probability of it if both were equally good"),
             }
         )
-    table = xr.concat([data_set({k: _scalar(v) for k, v in row.items()}) for row in rows], SPLIT)
+    table = xr.concat(
+        [labelled_dataset({k: _scalar(v) for k, v in row.items()}) for row in rows], SPLIT
+    )
     return table.assign_coords({SPLIT: answers[SPLIT]})
 
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require, require_all, require_shape
 from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.moments import magnitude_covariance
-from ncti.ladar.pulse import noise_by_lag, noise_covariance, target_response, target_width
+from ncti.ladar.pulse import Pulse, noise_by_lag, noise_covariance, target_response
 from studies.operate.matching import log_evidence
 from studies.operate.survey import Seen
 
@@ -94,7 +94,7 @@ def _after_pulse(
     """Return the power of every IFOV in its bins, and their flat indices in (view, bin)."""
     from scipy.sparse import csr_array, diags_array
 
-    response = target_response(pulse_width=pulse_width, bin_width=bin_width) ** 2
+    response = target_response(Pulse(pulse_width, bin_width)) ** 2
     middle = len(response) // 2
     reach = min(middle, bins - 1)
     lags = range(-reach, reach + 1)
@@ -112,20 +112,19 @@ def _after_pulse(
 
 
 @lru_cache(maxsize=32)
-def correlations(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Floats, Floats]:
+def correlations(pulse: Pulse, bins: int) -> tuple[Floats, Floats]:
     """Return the (bin, bin) correlations of magnitudes of an IFOV of target, and of noise alone."""
-    noise = noise_covariance(pulse_width=pulse_width, bin_width=bin_width, bin_count=bins)
-    n_z = target_width(pulse_width, bin_width)
+    noise = noise_covariance(pulse, bins)
     lag = np.subtract.outer(np.arange(bins), np.arange(bins))
-    target = magnitude_covariance(np.exp(-2 * lag**2 / n_z**2)) / RAYLEIGH
+    target = magnitude_covariance(np.exp(-2 * lag**2 / pulse.n_z**2)) / RAYLEIGH
     return target, magnitude_covariance(noise) / (RAYLEIGH * noise[0, 0])
 
 
 @lru_cache(maxsize=32)
-def factors(*, pulse_width: float, bin_width: float, bins: int) -> tuple[Floats, Floats]:
+def factors(pulse: Pulse, bins: int) -> tuple[Floats, Floats]:
     """Return matrices F of both correlations, F' F; F turns white noise into correlated noise."""
     roots = []
-    for correlation in correlations(pulse_width=pulse_width, bin_width=bin_width, bins=bins):
+    for correlation in correlations(pulse, bins):
         values, vectors = np.linalg.eigh(correlation)
         roots.append((vectors * np.sqrt(np.maximum(values, 0.0))).T.copy())
     return roots[0], roots[1]
@@ -142,10 +141,10 @@ def frame_noise(
     `power` (view, bin) is that of `signatures`, `ifovs` (view,) counts target-free ones too, and
     `normals` (view, 2, bin) are for target and noise.
     """
-    pulse = {"pulse_width": radar.pulse_width, "bin_width": radar.bin_width}
+    pulse = Pulse(radar.pulse_width, radar.bin_width)
     normal = np.asarray(normals, dtype=np.float64)
-    roots = factors(**pulse, bins=normal.shape[-1])
-    noise = float(noise_by_lag(**pulse, bin_count=1)[0])
+    roots = factors(pulse, normal.shape[-1])
+    noise = float(noise_by_lag(pulse, 1)[0])
     of_target = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(power, dtype=np.float64))
     free = np.sqrt(RAYLEIGH * noise * np.asarray(ifovs, dtype=np.float64))
     of_noise: Floats = free[:, None] * (normal[:, 1] @ roots[1])
@@ -195,9 +194,9 @@ class ProfileMatch:
         require_shape("templates", learned, (*learned.shape[:2], measured.shape[-1]))
         require("floor_sigma", floor_sigma, minimum=0.0)
         bins = measured.shape[-1]
-        pulse = {"pulse_width": radar.pulse_width, "bin_width": radar.bin_width}
-        noise = float(noise_by_lag(**pulse, bin_count=1)[0])
-        shapes = correlations(**pulse, bins=bins)
+        pulse = Pulse(radar.pulse_width, radar.bin_width)
+        noise = float(noise_by_lag(pulse, 1)[0])
+        shapes = correlations(pulse, bins)
         ifovs = np.asarray(target_free, dtype=np.float64)
         # Covariance of a frame, mean over templates, and that of unknown errors and floor.
         spread = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(template_power, dtype=np.float64))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 from studies.operate.costs import CNR, IFOV, relative_cost
 from studies.operate.sufficiency import TAILS, cheapest_setting, crossing
 
@@ -46,7 +46,7 @@ def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
     for name, q, words in zip(("low", "high"), TAILS, ENDS, strict=True):
         end = partial(np.quantile, q=q, method="inverted_cdf")
         columns[f"frames_{name}"] = resampled.reduce(end, "resample"), words
-    table = data_set(columns)
+    table = labelled_dataset(columns)
     table.frames.attrs["infinite"] = f"more than {operated.frame_count.values.max():g}"
     return table
 
@@ -76,7 +76,7 @@ def tabulate_cheapest(operated: xr.Dataset) -> xr.Dataset:
     for name, unit in zip(OVER, UNITS, strict=True):
         words = f"{name.replace('_', ' ')} of the cheapest setting"
         columns[f"best_{name}"] = least[name], words, unit
-    table = data_set(columns)
+    table = labelled_dataset(columns)
     for name in ("cost", "frames"):
         table[name].attrs["infinite"] = "beyond the grid"
     return table

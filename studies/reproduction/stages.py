@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti import article
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 from studies import reproduction as library
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Run, Settings, count, draws
@@ -202,7 +202,7 @@ def _labelled_columns(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.D
     """Return columns as a data set, with the names of fits, figures and parameters."""
     import xarray as xr
 
-    table = data_set(
+    table = labelled_dataset(
         {name: (xr.Variable(*variable), *label) for name, (variable, *label) in columns.items()}
     )
     names: dict[Any, Any] = {

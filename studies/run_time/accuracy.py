@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ncti.ladar.extent import RangeExtent, bin_centres
 from ncti.ladar.moments import frame_moments
-from ncti.ladar.pulse import target_kernel
+from ncti.ladar.pulse import Pulse, target_kernel
 from studies.run_time.reference import reference_range_extent
 
 Floats = NDArray[np.float64]
@@ -51,7 +51,7 @@ def extent_errors(
     for cell, row in zip(extent.cell.tolist(), extent.fraction, strict=True):
         wrong += np.abs(row - rows.pop(tuple(cell), 0.0)).sum()
     wrong += sum(row.sum() for row in rows.values())
-    power = target_kernel(pulse_width=pulse_width, bin_width=exact.bin_width, bin_count=len(q)) ** 2
+    power = target_kernel(Pulse(pulse_width, exact.bin_width), len(q)) ** 2
     return {
         "extent_error": float(np.abs(p - q).sum() / q.sum()),
         "ifov_error": float(wrong / exact.fraction.sum()),

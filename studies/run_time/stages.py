@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
@@ -328,7 +328,7 @@ def tabulate_cost(measured: xr.Dataset, choices: Choices) -> xr.Dataset:
         f"{name}_needed": (xr.apply_ufunc(figure_at_target, table[name], error, **along), *label)
         for name, label in figures.items()
     }
-    return data_set(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
+    return labelled_dataset(needed).assign_attrs(title=f"Cost of a median error of {TARGET:.1%}")
 
 
 def figure_at_target(figure: Floats, error: Floats) -> float:

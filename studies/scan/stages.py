@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.evaluate import wilson_interval
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 from ncti.ladar import RangeExtent, banded_frame_moments
-from ncti.ladar.window import EDGE
+from ncti.ladar.window import EDGE_SHARE
 from studies.scan import Box, Field, Imager, Laser, Rates, Survey, Target, box, most_pulses, observe
 from studies.scan.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.declare.display import Display, Figure
@@ -299,7 +299,7 @@ def _check_decoy(choices: Choices) -> None:
     for setting, needed, limit in (
         (Scan.decoy_length, across, Infrared.window_length),
         (Scan.decoy_height, max(choices[Scan.decoy_height]), Infrared.window_height),
-        (Scan.decoy_length, across / (1 - 2 * EDGE), Ladar.window),
+        (Scan.decoy_length, across / (1 - 2 * EDGE_SHARE), Ladar.window),
     ):
         most = choices.value(limit)
         if needed > most:
@@ -382,7 +382,7 @@ def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
         arrays[name] = (mean, f"{scan[figure].long_name}, mean of draws", scan[figure].units)
     ratio = arrays["exhaustive"][0] / arrays["total"][0]
     arrays["gain"] = (ratio, "time of the laser radar over the whole field over the search's")
-    return data_set(arrays)
+    return labelled_dataset(arrays)
 
 
 _percent = partial(Figure, percent=True, format=".0f")

@@ -82,11 +82,11 @@ def scan_of(
     }
     view = {"ship": flight.ship.item(), "aspect": flight.aspect.item()}
     view["seed"] = _read_setting(flight, configuration, "seed")
-    methods = {name: flight[name].item() for name in ("chain", "azimuth", "mirror", "range_filter")}
+    methods = {name: flight[name].item() for name in ("azimuth", "mirror", "range_filter")}
     threshold = _read_setting(flight, configuration["irar"], "segmentation_threshold")
     return {
         "scan": scan_again(values, mesh, **view, reflectance=reflectance),
-        "chain": Chain(**methods, segmentation_threshold=threshold),
+        "chain": Chain(form=flight.chain.item(), **methods, segmentation_threshold=threshold),
         "autofocus": flight.autofocus.item(),
         **surface(mesh, values, reflectance),
     }
@@ -138,8 +138,8 @@ def correction_stages(
 
 def _partial_chains(chain: Chain) -> dict[str, Chain]:
     """Return the chain up to each of its corrections, by title."""
-    if chain.chain != EXACT:
-        return {f"all corrections as printed,\nf the {RATES[chain.chain]} rate": chain}
+    if chain.form != EXACT:
+        return {f"all corrections as printed,\nf the {RATES[chain.form]} rate": chain}
     combined = "" if chain.range_filter == Chain.range_filter else f" by {chain.range_filter}"
     averaged = f"averaged, range corrected{combined}, segmented"
     parts = {averaged: replace(chain, azimuth="none", mirror="none")}

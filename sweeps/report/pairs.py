@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ncti.evaluate import AspectAccuracy, paired_difference, replicated_accuracy
-from ncti.evaluate.answers import DRAWS, OF_ASPECTS, VIEW, label_bins
+from ncti.evaluate.answers import ASPECT_ATTRS, DRAWS, VIEW, label_bins
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.frames import Part
 from sweeps.report.stores import attributes, list_groups, open_store, read_group
@@ -132,7 +132,7 @@ def answers_of(path: PathOrUrl, part: Part) -> xr.DataArray:
     number = attrs["configuration"]["grid"].get("random_aspects", 0)
     drawn = answers.aspect.isin(draw_aspects(*ends, number, attrs["seed"]))
     kinds = kinds_of_aspects(learned, drawn)
-    along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=OF_ASPECTS)
+    along = xr.DataArray(list(kinds), dims="aspects", name="aspects", attrs=ASPECT_ATTRS)
     return xr.concat([answers.where(mask, -1) for mask in kinds.values()], along)
 
 

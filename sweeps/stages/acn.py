@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ncti.classify.blocks import HELD_ROWS, row_blocks
 from ncti.classify.clustering import Clustering, Similarities, cluster, move_categories
-from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, polar
+from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, unit_vectors
 from ncti.evaluate import category_formation
 from sweeps.engine.declare.settings import Run, Settings, count, draws, number, switch, word
 from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
@@ -169,7 +169,9 @@ def form_categories(
     weights = np.zeros((views.size, clustering.weights.shape[1]))
     lengths = np.zeros(views.size)
     by_first = label_rule == "first"
-    names[:count] = clustering.first_names(ships, order) if by_first else clustering.names(ships)
+    names[:count] = (
+        clustering.first_labels(ships, order) if by_first else clustering.majority_labels(ships)
+    )
     weights[:count], lengths[:count] = clustering.weights, clustering.lengths
     right = category_ships(names, formed.category) == ship.reshape(known.shape)
     return {
@@ -265,7 +267,9 @@ def match_learning(
     unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])
     category, similarity = np.empty(len(view_order), dtype=np.intp), np.empty(len(view_order))
     order = view_order[np.argsort(unknown[view_order], kind="stable")]
-    directions, lengths = polar(_clustering(formed).traces(training_set.similarities))
+    directions, lengths = unit_vectors(
+        _clustering(formed).category_vectors(training_set.similarities)
+    )
     for rows in row_blocks(len(order)):
         matches = move_categories(directions, lengths, read_vectors(order[rows]), learning_rate)
         category[order[rows]], similarity[order[rows]] = matches

@@ -13,7 +13,7 @@ from ncti.evaluate import aspect_bins, tabulate_categories, tabulate_rejection, 
 from ncti.evaluate.answers import VIEW
 from ncti.evaluate.scores import BIN_WIDTH
 from ncti.features import map_vector, profile_vector
-from ncti.ships.perturbation import MAX_SCALE, Variant
+from ncti.ships.perturbation import MAX_SIGMA_SCALE, Variant
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.settings import (
     Choices,
@@ -170,7 +170,7 @@ def generated_ships(learned: Sequence[str], number: int) -> tuple[ShipName, ...]
     step = np.arange(1, number + 1) * (np.sqrt(5) - 1) / 2
     sizes = MIN_SIZE * (MAX_SIZE / MIN_SIZE) ** (step % 1)
     return tuple(
-        ship_name(str(Variant(str(name), UNSEEN, k, MAX_SCALE, round(float(size), 3))))
+        ship_name(str(Variant(str(name), UNSEEN, k, MAX_SIGMA_SCALE, round(float(size), 3))))
         for name in learned
         for k, size in enumerate(sizes, 1)
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from ncti import ladar
 from ncti.data import dataset
-from ncti.data.rows import ONLY_RADAR, ROWS, VARIABLES
+from ncti.data.rows import RADAR_COORDINATES, ROWS, VARIABLES
 from ncti.data.views import SENSORS
 from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
@@ -154,7 +154,7 @@ def profile_rows(
 
 
 @SILHOUETTES.stage(
-    *_declare_parameters(name for name in ROWS if name not in ONLY_RADAR),
+    *_declare_parameters(name for name in ROWS if name not in RADAR_COORDINATES),
     Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
     reads=IMAGER_INPUTS,
     gather=(Grid.ship, Grid.range, Grid.frame_count),

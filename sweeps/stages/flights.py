@@ -98,7 +98,7 @@ def truth(
     """
     flight, surface = flight_of(aspect, dict(course)), irar.surface(mesh, dict(course), reflectance)
     window = library.ship_window(mesh, flight)
-    view = library.true_snapshot(mesh, flight, window, cells=comparison.CELLS, **surface)
+    view = library.true_snapshot(mesh, flight, window, cells=comparison.CELLS_PER_PIXEL, **surface)
     engine = "auto" if drawing_engine == views.LINES else drawing_engine  # it needs pixels
     drawn: Any = {"engine": engine, "reflectance": reflectance, **bins}
     return view, comparison.model_profiles(mesh, view, flight, aspect=aspect, **drawn)
@@ -164,7 +164,7 @@ IMAGES = {  # unit and label
 _place = partial(inner, dtype="i4", unit="pixel")
 
 
-flight_chain = plain(uses=(Irar,), name="flight_chain")(Chain)
+flight_chain = plain(uses=(Irar,), reads={"form": Irar.chain}, name="flight_chain")(Chain)
 
 
 @FLIGHTS.stage(
@@ -232,7 +232,7 @@ def corrected(
         "first_row": np.array(pixels.bottom),
         "first_column": np.array(pixels.left),
         **comparison.measure_tilts(
-            flight_chain, noisy, clean, image, view, navigation, shown=visible
+            flight_chain, noisy, clean, image, view, navigation, shows_ship=visible
         ),
         **{f"pixel_{name}": array for name, array in vars(fine.ship_pixels).items()},
         **comparison.compare_profiles(profiles, bins, aspect=aspect, ship=ship),

@@ -23,7 +23,7 @@ from ncti.features.segmentation import largest_region
 from ncti.infrared import DetectorView, Hits, Imager, LargestWindow
 from ncti.infrared.detector_view import MAX_OFFSETS
 from ncti.infrared.loops import IMAGES
-from ncti.labels import data_set
+from ncti.labels import labelled_dataset
 from ncti.ladar import spread_place
 from ncti.machine_code import Loops
 from ncti.render import LineImage, RangeImage
@@ -436,7 +436,7 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
         "probability": (mean, "mean probability that some pixel of the ship passes the threshold"),
         "lowest": (minimum, "lowest probability of a view"),
     }
-    return add_bin_attribute(data_set(columns), images.aspect)
+    return add_bin_attribute(labelled_dataset(columns), images.aspect)
 
 
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -450,7 +450,7 @@ def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
         "error": (error.mean(OVER), "rms difference from the noiseless fine image over contrast"),
         "error_spread": (error.std(OVER), "standard deviation of that over views and positions"),
     }
-    return data_set(columns)
+    return labelled_dataset(columns)
 
 
 def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -476,7 +476,7 @@ def tabulate_sensor(images: xr.Dataset, choices: Choices) -> xr.Dataset:
             "signal-to-noise ratio of a pixel, of powers",
         ),
     }
-    return data_set(
+    return labelled_dataset(
         {
             name: (broadcast["range"].copy(data=values), *label)
             for name, (values, *label) in figures.items()

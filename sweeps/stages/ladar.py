@@ -17,7 +17,7 @@ from ncti.ladar import RangeExtent
 from ncti.ladar.budget import faintest_ratio
 from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
-from ncti.ladar.places import Place
+from ncti.ladar.places import IfovOffset
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.ladar.window import window_requirement
@@ -151,7 +151,7 @@ EXTENT = (  # arrays of a packed `RangeExtent`
 
 
 @plain()
-def corner_offset() -> Place:
+def corner_offset() -> IfovOffset:
     """Return the place of the ship origin in expected profiles: the corner of an IFOV."""
     return 0.0, 0.0
 
@@ -173,7 +173,7 @@ def ifov_offset(
     place: str,
     seed: int,
     drawn_aspect: float,
-) -> Place:
+) -> IfovOffset:
     """Return the place of the ship origin in averages, mirrored if the other side is drawn."""
     if place == CORNER:
         return 0.0, 0.0
@@ -182,7 +182,7 @@ def ifov_offset(
     return mirror_offset((right, up), aspect, drawn_aspect)
 
 
-def mirror_offset(place: Place, aspect: float, drawn_aspect: float) -> Place:
+def mirror_offset(place: IfovOffset, aspect: float, drawn_aspect: float) -> IfovOffset:
     """Return a place, mirrored if the other side of the ship is drawn.
 
     No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.

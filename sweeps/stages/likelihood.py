@@ -15,7 +15,7 @@ from ncti.classify.misfit import log_fit
 from ncti.classify.track import aspect_prior
 from ncti.features.profile import estimated_floor
 from ncti.ladar import spread_place
-from ncti.ladar.places import TEMPLATE_PLACES, Place
+from ncti.ladar.places import TEMPLATE_PLACES, IfovOffset
 from ncti.ships import names
 from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number, switch
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plain, stage
@@ -185,7 +185,7 @@ def template_offset(
     unknown: tuple[str, ...] | None,
     alternative: tuple[str, ...] | None,
     aspect_selection: AspectSelection,
-) -> Place:
+) -> IfovOffset:
     """Return the place of the ship origin in a template, mirrored if the other side is drawn.
 
     Views without templates are at the corner, so that they share the cells of expected profiles.

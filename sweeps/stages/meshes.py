@@ -85,10 +85,11 @@ def reach(source: MeshSource) -> float:
 def fault_hint(ship: ShipName) -> str:
     """Return a hint at a ship's fault for the end of a message; empty if there is none."""
     described = description(mesh_source(ship))
-    if described.mend is None:
+    suggested = described.suggested_transform
+    if suggested is None:
         return ""
-    mend = f"{{{described.mend}}}" if str(described.mend) else "no transform"
-    return f"; {ship} {described.findings[0]}: if so, use {mend}"
+    text = f"{{{suggested}}}" if str(suggested) else "no transform"
+    return f"; {ship} {described.findings[0]}: if so, use {text}"
 
 
 def check(ships: Sequence[ShipName]) -> None:

@@ -58,7 +58,7 @@ MAX_LINES = 12  # of ships, on the screen
 def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
     """Return a ship's measures, its picture, and a warning about its mesh."""
     measures = dict(zip(MEASURES, mesh.extents, strict=True))
-    words = warning(mesh.metadata["findings"], mesh.metadata["mend"])
+    words = warning(mesh.metadata["findings"], mesh.metadata["suggested_transform"])
     counted = {"facets": len(mesh.faces), "warning": words[:MAX_WARNING]}
     return measures | counted | dict(zip(("pixel", "picture"), draw_portrait(mesh), strict=True))
 
@@ -85,15 +85,17 @@ def draw_portrait(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
     return pixel, picture.reshape(ROWS, COLUMNS)
 
 
-def warning(findings: tuple[str, ...], mend: Transform | None, ship: ShipName | None = None) -> str:
+def warning(
+    findings: tuple[str, ...], suggested: Transform | None, ship: ShipName | None = None
+) -> str:
     """Return a warning about a ship and its remedy; empty if there is no fault.
 
     With a ship, the remedy is an argument of the command, quoted for a shell.
     """
-    if mend is None:
+    if suggested is None:
         return ""
     words = " and ".join(filter(None, (", ".join(findings[:-1]), findings[-1])))
-    entries = [str(mend)] if str(mend) else []
+    entries = [str(suggested)] if str(suggested) else []
     if ship is None:
         return f"{words}; if so, use {f'{{{entries[0]}}}' if entries else 'no transform'}"
     known = ship_name(ship.source)
@@ -121,12 +123,12 @@ def about(choices: Choices) -> list[str]:
             f"and {len(lengths)} more ships, {min(lengths):.1f} to {max(lengths):.1f} m long"
         )
     lines += [
-        f"{ship} had {fault}, which {'are' if len(details.faults) > 1 else 'is'} mended"
+        f"{ship} had {fault}, which {'are' if len(details.faults) > 1 else 'is'} corrected"
         for ship, details in ships
         if (fault := " and ".join(details.faults))
     ]
     lines += [
-        f"warning: {ship} {warning(details.findings, details.mend, ship)}"
+        f"warning: {ship} {warning(details.findings, details.suggested_transform, ship)}"
         for ship, details in ships
         if details.findings
     ]

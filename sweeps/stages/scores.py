@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from ncti.evaluate.rejection import ENDS
+from ncti.evaluate.rejection import INTERVAL_SUFFIXES
 from sweeps.engine.declare.display import Display, Figure
 
 _percent = partial(Figure, percent=True, format=".0f")
@@ -73,7 +73,7 @@ def rejection_displays(labels: Mapping[str, str]) -> tuple[Display, Display]:
     """Return the displays of the rejection of unknown ships: its curve, and by test vigilance."""
 
     def share(variable: str, name: str, *beside: str) -> Figure:
-        low, high = (variable + end for end in ENDS)
+        low, high = (variable + end for end in INTERVAL_SUFFIXES)
         return _percent(variable, name, low, high, {column: column for column in beside})
 
     curve = Display(

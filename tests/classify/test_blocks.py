@@ -8,9 +8,9 @@ from memory import peak_memory
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from ncti.classify import CorrelationNeighbour
-from ncti.classify.baselines import TIE
+from ncti.classify.baselines import TIE_TOLERANCE
 from ncti.classify.blocks import ROWS, row_blocks
-from ncti.classify.directions import polar
+from ncti.classify.directions import unit_vectors
 
 # Kernels of OpenBLAS that add the terms of every element in one order, whatever the shape.
 IN_ORDER = {"Haswell", "Zen"}
@@ -60,7 +60,7 @@ def test_a_product_in_single_precision_needs_blocks_of_96(
     assert ROWS % 96 == 0
     rng = np.random.default_rng(seed)
     X, T = (
-        polar(rng.standard_normal((count, features)))[0].astype(np.float32)
+        unit_vectors(rng.standard_normal((count, features)))[0].astype(np.float32)
         for count in (samples, templates)
     )
     product = np.concatenate([X[rows] @ T.T for rows in row_blocks(samples, 96 * times)])
@@ -85,10 +85,10 @@ def test_matches_in_blocks_are_those_of_all_cosines(samples, templates, features
         "all alike": rng.random(templates) < 0.3,
         "each its own": rng.random((samples, templates)) < 0.7,
     }[hidden]
-    cosines = np.clip(polar(X)[0] @ polar(T)[0].T, -1.0, 1.0)
+    cosines = np.clip(unit_vectors(X)[0] @ unit_vectors(T)[0].T, -1.0, 1.0)
     cosines[np.broadcast_to(exclude, cosines.shape)] = -np.inf
     best = cosines.max(axis=1)
-    plain = (cosines >= best[:, None] - TIE).argmax(axis=1)
+    plain = (cosines >= best[:, None] - TIE_TOLERANCE).argmax(axis=1)
     none = (best == -np.inf) | ~X.any(axis=1)
     template, similarity = (
         CorrelationNeighbour().fit(T, np.arange(templates)).match(X, exclude=exclude)

@@ -36,7 +36,7 @@ def assert_is_plain_rule(training, tests, order, *, vigilance, learning_rate, ma
     # Each presentation rounds some ten numbers of order 1.
     rounding = 1e-14 + 1e-15 * len(training) * passes
     np.testing.assert_allclose(
-        clusters.traces(similarities), traces, atol=rounding * np.abs(training).max()
+        clusters.category_vectors(similarities), traces, atol=rounding * np.abs(training).max()
     )
     norms = np.linalg.norm(tests, axis=1)[:, None] * np.linalg.norm(traces, axis=1)
     cosines = np.divide(tests @ traces.T, norms, where=norms > 0, out=np.zeros(norms.shape))

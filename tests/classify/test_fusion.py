@@ -6,8 +6,8 @@ from scipy import stats
 
 from ncti.classify import GaussianTemplates, fuse, label_posterior, lower_band
 from ncti.classify.calibration import (
-    FRESH,
-    UNLIKE,
+    EXCLUDED_COSINE,
+    NEW_ASPECT_RATIO,
     fit_held_out_phases,
     fit_outlier_fraction,
     fit_temperature_and_outliers,
@@ -109,13 +109,13 @@ def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
     near = np.exp(-(((aspect[:, None] - aspect) / 5) ** 2)) * (labels[:, None] == labels)
     scores = (near + 0.3 * rng.standard_normal((phases, *near.shape))).astype(np.float32)
     fitted = fit_held_out_phases(scores, labels, aspect)
-    unlike = np.where(aspect[:, None] == aspect, UNLIKE, scores)
+    unlike = np.where(aspect[:, None] == aspect, EXCLUDED_COSINE, scores)
     for phase, constants in enumerate(fitted.T):
         rows = [
             np.delete(table, phase, axis=0).reshape(-1, len(labels)) for table in (scores, unlike)
         ]
         truth = np.tile(labels, 2 * (phases - 1))
-        weight = np.repeat([1 - FRESH, FRESH], len(truth) // 2)
+        weight = np.repeat([1 - NEW_ASPECT_RATIO, NEW_ASPECT_RATIO], len(truth) // 2)
         plain = fit_temperature_and_outliers(np.concatenate(rows), labels, truth, weight=weight)
         # Where the search stops hangs on rounding, but not by more than its tolerance.
         np.testing.assert_allclose(constants, plain, rtol=1e-6)

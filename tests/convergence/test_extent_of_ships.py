@@ -14,7 +14,7 @@ from scipy.stats import binom
 
 import ncti.ships
 from ncti.ladar import Beam, extent_within, lines_within, range_extent
-from ncti.ladar.pulse import target_response
+from ncti.ladar.pulse import Pulse, target_response
 from ncti.render import View, line_image, range_image
 from studies.run_time.reference import reference_range_extent
 
@@ -187,7 +187,7 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
         exact = truth(name, aspect, depression).area.sum(axis=0).reshape(-1, bins).sum(axis=1)
         p, q = metric.areas(extent).sum(axis=0), exact
         if pulse_width:
-            response = target_response(pulse_width=pulse_width, bin_width=float(bins)) ** 2
+            response = target_response(Pulse(pulse_width, float(bins))) ** 2
             p, q = np.convolve(p, response), np.convolve(q, response)
         results.append((np.abs(p - q).sum() / q.sum(), extent.error_after(pulse_width)))
     errors, bars = np.array(results).T

@@ -13,7 +13,7 @@ from scipy import stats
 import ncti
 from ncti.data.draws import Bounds, sampler, uniform_numbers
 from ncti.data.rows import IMAGER
-from ncti.data.views import IMAGE, Recipe
+from ncti.data.views import IMAGE_STREAM, Recipe
 from ncti.features import map_vector, profile_vector, segment, silhouette_map
 from ncti.ladar import frame_moments, range_extent
 from ncti.render import drawn_range, line_image
@@ -156,7 +156,7 @@ def test_silhouettes_without_noise_are_those_of_a_simulation():
     rows = ncti.dataset(SHIPS, 8, seed=5, rows_per_view=2, imager=imager, **options)
     for row in range(8):
         ours = rows.isel(row=row)
-        across, up = 2 * Recipe.rng(SimpleNamespace(seed=5), IMAGE, row).random(2) % 1
+        across, up = 2 * Recipe.rng(SimpleNamespace(seed=5), IMAGE_STREAM, row).random(2) % 1
         image = ncti.simulate.infrared_image(
             str(ours.ship.values),
             aspect=float(ours.aspect),

@@ -16,7 +16,7 @@ from ncti.data.splits import (
     GAIN_DRIFT,
     OUTSIDERS,
     SISTER,
-    STRANGER,
+    UNRELATED,
     VARIANTS,
     gap,
     recipe,
@@ -111,7 +111,7 @@ def test_each_split_differs_from_its_training_in_what_it_asks(splits):
         assert 1e-4 < stats.chi2.sf(squares.sum(), len(squares)) < 1 - 1e-4
     train, test = splits["few-frames"].values()
     assert {*train["frames"]} == {16} and {*test["frames"]} == {2}
-    for name, unknown in (("unknown-near", SISTER), ("unknown-far", STRANGER)):
+    for name, unknown in (("unknown-near", SISTER), ("unknown-far", UNRELATED)):
         assert {*splits[name]["unknown"]["ship"]} == {unknown}
         assert unknown not in splits[name]["train"]["ship"]
 

@@ -10,7 +10,7 @@ from trimesh.creation import box
 from ncti import ships
 from ncti.checks import NothingSeenError
 from ncti.irar import autofocus, correct, fly, profile, segmented, ship_window, true_snapshot
-from ncti.irar.autofocus import RISE, WIDTH, closing_per_speed, slope_spectrum
+from ncti.irar.autofocus import SLOPE_HEIGHT, SMOOTHING, closing_per_speed, slope_spectrum
 
 
 def navigated(flown, error):
@@ -26,7 +26,9 @@ def closing_error(estimate, flown):
 def test_spectrum_of_one_slope_is_the_kernel():
     slope, count = slope_spectrum(np.array([0.25]), steepest=1.0)
     # counted in steps of 0.01: half a step of the kernel's steepest flank, exp(-1/2) / WIDTH
-    assert np.abs(count - np.exp(-(((slope - 0.25) / WIDTH) ** 2) / 2)).max() < 0.005 / WIDTH
+    assert (
+        np.abs(count - np.exp(-(((slope - 0.25) / SMOOTHING) ** 2) / 2)).max() < 0.005 / SMOOTHING
+    )
     assert slope[0] == pytest.approx(-1) and slope[-1] == pytest.approx(1)
 
 
@@ -42,7 +44,7 @@ def test_a_block_with_upright_sides_gives_its_closing_speed(aspect, errors):
     # Columns of a pixel's looks are known to a quarter of it, which turns a face that is looked at
     # from aside.
     aside = abs((aspect + 45) % 90 - 45)
-    turned = 0.25 * flown.pixel * np.tan(np.radians(aside)) / RISE
+    turned = 0.25 * flown.pixel * np.tan(np.radians(aside)) / SLOPE_HEIGHT
     slope = 2 * 0.005 + turned
     for error in errors:
         estimate = autofocus(scan, navigated(flown, error))

@@ -10,7 +10,7 @@ from flown import CLEAN, flight, wall
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from ncti import irar, ships
-from ncti.irar.chain import RANGE_FILTERS, STANDS_OUT, nearest_ship_range
+from ncti.irar.chain import RANGE_FILTERS, SHIP_CONTRAST, nearest_ship_range
 
 CELLS = 4
 HANGAR = 4.0
@@ -128,7 +128,7 @@ def test_a_threshold_above_the_sea_leaves_the_ship_where_it_is(scans, threshold)
         intensity=np.where(reported, scan.intensity, 0),
         range=np.where(reported, scan.range, np.nan),
     )
-    level = STANDS_OUT * np.median(scan.intensity)
+    level = SHIP_CONTRAST * np.median(scan.intensity)
     assert level > 12.0  # no sample of the ship is lost
     # Beside the ship. The median of a scan has some samples of the ship, so that few samples are
     # on the other side of the level of pure noise.

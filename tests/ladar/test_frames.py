@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from ncti import ladar
-from ncti.ladar.pulse import noise_covariance, target_kernel
+from ncti.ladar.pulse import Pulse, noise_covariance, target_kernel
 from ncti.normals import draw_key, draw_places, put_streams
 
 COUNTS = st.integers(1, 100)
@@ -142,16 +142,16 @@ def whole_factor(noise):
 def plain_frames(target, count, *, pulse_width, cnr, target_free_ifovs, rng):
     """Equations A and B in float64: every bin of every IFOV, by one product with whole factors."""
     bins = target.down_range.size
-    pulse = {"pulse_width": pulse_width, "bin_width": target.bin_width, "bin_count": bins}
-    noise = whole_factor(ladar.fields.Noise.of(**pulse))
+    pulse = Pulse(pulse_width, target.bin_width)
+    noise = whole_factor(ladar.fields.Noise.of(pulse, bins))
     key = draw_key(rng)
     ifovs = list(zip(target.density, target.cell, strict=True))
     nothing = np.zeros(bins)
-    ifovs += [(nothing, (n, ladar.frames.ELSEWHERE)) for n in range(target_free_ifovs)]
+    ifovs += [(nothing, (n, ladar.frames.TARGET_FREE_ROW)) for n in range(target_free_ifovs)]
     drawn = np.zeros((count, bins))
     for frame, (beta, cell) in product(range(count), ifovs):
         (occupied,) = np.nonzero(beta)
-        speckle = np.sqrt(cnr * beta[occupied])[:, None] * target_kernel(**pulse)[occupied]
+        speckle = np.sqrt(cnr * beta[occupied])[:, None] * target_kernel(pulse, bins)[occupied]
         numbers = np.concatenate([occupied, bins + np.arange(len(noise))])
         quadratures = normals(key, frame, cell, numbers) @ np.concatenate([speckle, noise])
         drawn[frame] += np.hypot(*quadratures)
@@ -178,9 +178,9 @@ def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
     Each way drops at most 1e-6 of the largest eigenvalue, the decomposition with pivots at most a
     tenth of that besides, and both round to float32.
     """
-    pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
-    factor = whole_factor(ladar.fields.Noise.of(**pulse))
-    covariance = noise_covariance(**pulse)
+    pulse = Pulse(pulse_width, 1.0)
+    factor = whole_factor(ladar.fields.Noise.of(pulse, bins))
+    covariance = noise_covariance(pulse, bins)
     values = np.linalg.eigvalsh(covariance)
     error = np.abs(np.linalg.eigvalsh(factor.T @ factor - covariance)).max()
     assert error < (1.1e-6 + 4 * np.finfo(np.float32).eps) * values[-1]
@@ -190,10 +190,7 @@ def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
 
 def test_fine_bins_take_no_more_normals():
     """Bins of 5 cm hold the band of bins of 1 m, so their noise has as many degrees of freedom."""
-    fine, coarse = (
-        ladar.fields.Noise.of(pulse_width=30e-9, bin_width=200 / bins, bin_count=bins)
-        for bins in (4000, 200)
-    )
+    fine, coarse = (ladar.fields.Noise.of(Pulse(30e-9, 200 / bins), bins) for bins in (4000, 200))
     assert len(fine.even) + len(fine.odd) <= len(coarse.even) + len(coarse.odd) + 4
 
 

@@ -13,7 +13,7 @@ from ncti.ladar import (
     range_extent,
 )
 from ncti.ladar.moments import NEGLIGIBLE, frame_variance, magnitude_covariance
-from ncti.ladar.pulse import noise_covariance, target_kernel
+from ncti.ladar.pulse import Pulse, noise_covariance, target_kernel
 
 CNR = 10**3.2
 PULSES = [10e-9, 30e-9, 50e-9]
@@ -40,9 +40,8 @@ def view(name: str, bin_width: float = 1.0) -> RangeExtent:
 
 def plain_moments(extent, *, pulse_width, cnr, target_free_ifovs=0):
     """One matrix an IFOV: no bin and no lag left out."""
-    pulse = {"pulse_width": pulse_width, "bin_width": extent.bin_width}
-    kernel = target_kernel(**pulse, bin_count=extent.down_range.size)
-    noise = noise_covariance(**pulse, bin_count=extent.down_range.size)
+    pulse, bins = Pulse(pulse_width, extent.bin_width), extent.down_range.size
+    kernel, noise = target_kernel(pulse, bins), noise_covariance(pulse, bins)
     fields = [cnr * (kernel * beta) @ kernel.T + noise for beta in extent.density]
     weights = [1] * len(fields) + [target_free_ifovs]
     fields.append(noise)

@@ -9,7 +9,7 @@ import ncti.ships
 from ncti import ladar
 from ncti.ladar.budget import faintest_ratio
 from ncti.ladar.frames import GAUSSIAN_FROM
-from ncti.ladar.pulse import SPEED_OF_LIGHT, noise_covariance, target_kernel, target_response
+from ncti.ladar.pulse import SPEED_OF_LIGHT, Pulse, noise_covariance, target_kernel, target_response
 from ncti.ladar.window import shortest_window
 from ncti.render import line_image
 
@@ -53,15 +53,15 @@ def test_noise_is_white_noise_through_the_matched_filter():
     length = SPEED_OF_LIGHT * 30e-9 / 2
     x, step = np.linspace(-60, 60, 24001, retstep=True)
     filters = [np.exp(-4 * ((x - lag) / length) ** 2) / length**0.5 for lag in range(12)]
-    covariance = noise_covariance(pulse_width=30e-9, bin_width=1.0, bin_count=12)[0]
+    covariance = noise_covariance(Pulse(30e-9, 1.0), 12)[0]
     np.testing.assert_allclose(covariance, step * np.array(filters) @ filters[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("pulse_width", [10e-9, 50e-9])
 def test_the_response_is_a_row_of_the_kernel(pulse_width):
-    pulse = {"pulse_width": pulse_width, "bin_width": 1.0}
-    response = target_response(**pulse)
-    row = target_kernel(**pulse, bin_count=response.size)[response.size // 2]
+    pulse = Pulse(pulse_width, 1.0)
+    response = target_response(pulse)
+    row = target_kernel(pulse, response.size)[response.size // 2]
     np.testing.assert_allclose(response, row, rtol=1e-13)
 
 

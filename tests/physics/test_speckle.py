@@ -10,6 +10,7 @@ from ncti.ladar import RangeExtent, noise_floor, sample_frames
 from ncti.ladar.frames import _floor_filter
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import (
+    Pulse,
     mirrored_factors,
     noise_by_lag,
     noise_covariance,
@@ -79,10 +80,7 @@ def test_rounding_of_the_pulse_width_keeps_the_noise(nanoseconds, bins):
     rounded = [30e-9 * (nanoseconds / 30), nanoseconds * 1e-9]
     rounded += [np.nextafter(rounded[1], 0), np.nextafter(rounded[1], 1)]
     first, *others = (
-        mirrored_factors(
-            noise_by_lag(pulse_width=width, bin_width=1.0, bin_count=bins), tolerance=1e-6
-        )
-        for width in rounded
+        mirrored_factors(noise_by_lag(Pulse(width, 1.0), bins), tolerance=1e-6) for width in rounded
     )
     for other in others:
         for half, ours in zip(first, other, strict=True):
@@ -96,8 +94,8 @@ def test_filtered_noise_has_the_covariance_of_a_target_free_ifov(pulse_width, bi
 
     It is rounded to float32, and magnitudes are correlated with a relative error of 6e-9.
     """
-    pulse = {"pulse_width": pulse_width, "bin_width": 1.0, "bin_count": bins}
-    wanted = magnitude_covariance(noise_covariance(**pulse))
-    found = np.fft.irfft(_floor_filter(**pulse).astype(float) ** 2)[:bins]
+    pulse = Pulse(pulse_width, 1.0)
+    wanted = magnitude_covariance(noise_covariance(pulse, bins))
+    found = np.fft.irfft(_floor_filter(pulse, bins).astype(float) ** 2)[:bins]
     lag = np.abs(np.subtract.outer(np.arange(bins), np.arange(bins)))
     np.testing.assert_allclose(found[lag], wanted, rtol=0, atol=4e-7 * wanted[0, 0])

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from ncti import ships
 from ncti.render import available_engines, pixels
 from ncti.render.choice import start_engine
-from ncti.render.solid import MIN_COSINE, STEEP, Solid, covered_columns, sampled_facets, surface
+from ncti.render.solid import (
+    MIN_COSINE,
+    STEEP_COSINE,
+    Solid,
+    covered_columns,
+    sampled_facets,
+    surface,
+)
 from ncti.render.view import Lattice, View, clip_matrix
 
 VIEWS = [(0.0, 3.84, None, 0.25), (33.3, 11.0, 4e3, 0.6), (90.0, 0.0, None, 0.25)]
@@ -145,11 +152,11 @@ def test_surface_is_that_of_plain_arrays(slant_range, kind):
     a = np.maximum(-(n_r + k * s), Long(MIN_COSINE))
     r = (s - solid.offsets[chosen]) / a
     away = points[2, solid.faces[chosen]]
-    r = np.where(a < STEEP, np.clip(r, away.min(axis=1), away.max(axis=1)), r)
+    r = np.where(a < STEEP_COSINE, np.clip(r, away.min(axis=1), away.max(axis=1)), r)
     w, t = 1 + k * r, np.sqrt(1 + k**2 * (h**2 + v**2))
     expected = r + k * w * (h**2 + v**2) / (1 + t)
     slope = np.stack([t * w * n_h / a + k * w * h / t, t * w * n_v / a + k * w * v / t], axis=1)
-    assert (a < STEEP).sum() > 10 and len(hit) > 1000
+    assert (a < STEEP_COSINE).sum() > 10 and len(hit) > 1000
     rounding = 16 * np.finfo(float).eps * 100 / a
     assert (np.abs(down_range.ravel()[hit] - expected) <= rounding).all()
     error = np.abs(gradient.reshape(-1, 2)[hit] - slope)

@@ -128,4 +128,4 @@ def test_stages_are_those_of_the_source_unless_something_is_left_out():
     assert titles() == [averaged, "shifted in azimuth", "sheared: all corrections"]
     assert titles(mirror="none") == [averaged, "shifted in azimuth: all corrections"]
     assert titles(azimuth="none", mirror="none") == [f"{averaged}: all corrections"]
-    assert titles(chain="printed") == ["all corrections as printed,\nf the line rate"]
+    assert titles(form="printed") == ["all corrections as printed,\nf the line rate"]

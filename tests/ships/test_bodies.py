@@ -14,9 +14,9 @@ from shipyard import sentence, solid_of
 
 from ncti import ships
 from ncti.ships import meshes
-from ncti.ships.bodies import APART, MAX_OPEN
+from ncti.ships.bodies import MAX_OPEN, WELD_DISTANCE
 
-LOOSE = 0.4 * APART  # corners of a vertex are at most twice as far from each other
+LOOSE = 0.4 * WELD_DISTANCE  # corners of a vertex are at most twice as far from each other
 
 
 def block(low, high) -> trimesh.Trimesh:

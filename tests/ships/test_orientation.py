@@ -53,13 +53,13 @@ def test_any_transform_is_undone(name, turn, scale, place):
     given_ = ships.Transform(up=turn[0], forward=turn[1], offset=place)
     file = in_file(vertices, given_)
     diagnosis = diagnose(file, faces)
-    if diagnosis.mend is None:
+    if diagnosis.suggested_transform is None:
         assert turn == ("z", "x")
         np.testing.assert_array_less(np.abs(place[:2]), 0.25 * np.ptp(vertices, axis=0)[:2] + 1e-9)
         return
-    mended = diagnosis.mend.apply(file)
+    mended = diagnosis.suggested_transform.apply(file)
     assert diagnose(mended, faces).findings == ()
-    if diagnosis.mend.offset[0] and diagnosis.mend.offset[1] and diagnosis.mend.offset[2]:
+    if all(diagnosis.suggested_transform.offset):
         assert np.linalg.norm(mended - vertices, axis=1).max() <= ROUNDED + 1e-6 * scale
 
 
@@ -71,7 +71,7 @@ def test_a_hull_on_its_keel_is_lowered_by_a_draught():
         above = vertices + np.array([0, 0, lifted])
         diagnosis = diagnose(above, faces)
         assert len(diagnosis.findings) == findings and "keel" in diagnosis.findings[-1]
-        mended = diagnosis.mend.apply(above)
+        mended = diagnosis.suggested_transform.apply(above)
         assert mended[:, 2].min() == pytest.approx(-13 / 3, abs=0.01)
         assert diagnose(mended, faces).findings == ()
     upside_down = ships.Transform(up="-z").apply(vertices)
@@ -86,11 +86,11 @@ def test_a_file_is_loaded_by_the_proposed_transform(tmp_path):
     description = ships.describe(path, scale=0.001)
     assert description.findings[0] == "stands on end" and len(description.findings) > 1
     keys = {
-        "up": description.mend.up,
-        "forward": description.mend.forward,
-        "offset": description.mend.offset,
+        "up": description.suggested_transform.up,
+        "forward": description.suggested_transform.forward,
+        "offset": description.suggested_transform.offset,
     }
-    again = ships.load(path, scale=description.mend.scale, **keys)
+    again = ships.load(path, scale=description.suggested_transform.scale, **keys)
     assert again.metadata["findings"] == ()
     np.testing.assert_allclose(again.bounds, mesh.bounds, atol=0.02)
     assert again.metadata["digest"] == ships.digest(path, scale=0.001, **keys)
@@ -134,8 +134,8 @@ def test_what_is_said_of_a_mesh_is_true_of_it_as_given(mesh, lift, said):
     given_ = mesh.vertices + np.array([0, 0, lift])
     diagnosis = diagnose(given_, mesh.faces)
     assert sorted(diagnosis.findings) == sorted(said)
-    if diagnosis.mend is not None:
-        assert diagnose(diagnosis.mend.apply(given_), mesh.faces).findings == ()
+    if diagnosis.suggested_transform is not None:
+        assert diagnose(diagnosis.suggested_transform.apply(given_), mesh.faces).findings == ()
 
 
 WRONG = [

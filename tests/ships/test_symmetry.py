@@ -9,7 +9,7 @@ from trimesh.creation import box, cylinder
 
 import ncti.ships
 from ncti.ships import symmetry
-from ncti.ships.symmetry import THINNEST
+from ncti.ships.symmetry import MIN_THICKNESS
 
 
 def placed(solid, *at, turn=0.0):
@@ -61,13 +61,13 @@ def test_equal_moments_are_not_enough():
 @given(exponent=st.floats(-2, 2), length=st.floats(1, 30))
 def test_a_plate_counts_from_a_thickness_on(exponent, length):
     """Twice its volume over its surface: its thickness, but for the rim."""
-    thick = THINNEST * 10**exponent
+    thick = MIN_THICKNESS * 10**exponent
     ship = barge(placed(box((length, thick, 3)), -20, 6 + thick / 2, 3))
     thick = ship.bounds[1, 1] - 6  # the union rounds to single precision, 0.2 um there
     mean = thick / (1 + thick * (1 / length + 1 / 3))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(symmetry, "BALANCED", np.inf)
-        assert ncti.ships.is_symmetric(ship) == (mean <= THINNEST)
+        patched.setattr(symmetry, "MAX_IMBALANCE", np.inf)
+        assert ncti.ships.is_symmetric(ship) == (mean <= MIN_THICKNESS)
 
 
 @pytest.mark.parametrize("name", ncti.ships.names())

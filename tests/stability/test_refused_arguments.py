@@ -117,7 +117,7 @@ CALLS = {
             "outlier_fraction": np.full(VIEWS, 0.1),
         },
     ),
-    "names of categories": (FOUND.names, {"classes": np.repeat([0, 1, 2], 4)}),
+    "labels of categories": (FOUND.majority_labels, {"classes": np.repeat([0, 1, 2], 4)}),
     "accuracy": (
         evaluate.accuracy_by_aspect,
         {"correct": RIGHT, "aspects": ASPECTS[:4], "answered": ~RIGHT},

@@ -28,7 +28,7 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     values = {setting.name: choices[setting][0] for setting in (*FLOWN, *RECORDED)}
     view = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
     scan = scan_again(values, mesh, **view)
-    window = Chain(chain=chain).window(mesh, scan.flight, error)
+    window = Chain(form=chain).window(mesh, scan.flight, error)
     estimate = replace(scan.flight, aircraft_speed=90.9)
     image = segmented(
         correct_as_printed(scan, estimate=estimate, window=window, rate=rate), estimate

@@ -9,7 +9,7 @@ from scipy import stats
 
 from ncti.ladar import banded_frame_moments, expected_profile, noise_floor
 from ncti.ladar.pulse import SPEED_OF_LIGHT
-from ncti.ladar.window import EDGE
+from ncti.ladar.window import EDGE_SHARE
 from ncti.render import Sampling
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.stages import ladar, meshes, views
@@ -101,7 +101,7 @@ def test_a_window_holds_every_ship_with_both_ends_free():
     mesh_source = views.mesh_source(ship_name("spruance"))
     reach = np.linalg.norm(meshes.read_mesh(mesh_source).vertices, axis=1).max()
     pulse = 30e-9 * SPEED_OF_LIGHT / math.sqrt(2)
-    needed = (2 * reach + pulse) / (1 - 2 * EDGE)
+    needed = (2 * reach + pulse) / (1 - 2 * EDGE_SHARE)
     ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) + 1e-6))
     with pytest.raises(ConfigurationError, match=r"to hold spruance and leave 8% free"):
         ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) - 1e-6))

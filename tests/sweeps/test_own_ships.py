@@ -56,4 +56,4 @@ def test_a_line_says_what_was_mended(mesh, folder, capsys):
     assert "repair: true would close it" in capsys.readouterr().err
     assert ran(MILLIMETRES.replace("}", ", repair: true}"), "dry_run=true") == 0
     message = capsys.readouterr().err
-    assert "opening" in message and "inside out, which are mended\n" in message
+    assert "opening" in message and "inside out, which are corrected\n" in message

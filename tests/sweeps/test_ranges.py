@@ -10,7 +10,7 @@ from commands import opened, swept
 
 import ncti.ships
 from ncti.ladar import RangeExtent, sample_frames
-from ncti.ladar.pulse import target_kernel, target_response
+from ncti.ladar.pulse import Pulse, target_kernel, target_response
 from ncti.render import Sampling
 from ncti.render.view import ROLL
 from studies.run_time.reference import reference_range_extent
@@ -40,7 +40,7 @@ def drawn_in_sweeps(
 
 
 def after_pulse(extent: np.ndarray) -> np.ndarray:
-    return np.convolve(extent, target_response(pulse_width=PULSE * 1e-9, bin_width=1.0) ** 2)
+    return np.convolve(extent, target_response(Pulse(PULSE * 1e-9, 1.0)) ** 2)
 
 
 def error(computed: np.ndarray, exact: np.ndarray) -> float:
@@ -95,7 +95,7 @@ def test_noise_does_not_know_which_bins_a_drawing_occupies(aspect):
     far_frames, near_frames = (
         sample_frames(e, rng=np.random.default_rng(1), **signal) for e in (far, near)
     )
-    kernel = target_kernel(pulse_width=PULSE * 1e-9, bin_width=1.0, bin_count=250)
+    kernel = target_kernel(Pulse(PULSE * 1e-9, 1.0), 250)
     moved = np.sqrt(cnr) * (np.sqrt(far.density) - np.sqrt(near.density))
     sigma = np.sqrt(moved**2 @ kernel**2).max(axis=1).sum()
     assert sigma < 1e-3

@@ -8,6 +8,7 @@ import trimesh
 
 from ncti.classify import GaussianTemplates, lower_band
 from ncti.ladar import expected_profile, frame_moments, noise_floor, range_extent
+from ncti.ladar.pulse import Pulse
 from studies.operate import ProfileMatch, Radar, draw_views, seen_views, signatures
 from studies.operate.profiles import LOADING, RAYLEIGH, correlations, frame_noise
 
@@ -61,7 +62,7 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
         _, exact = frame_moments(extent, pulse_width=30e-9, cnr=cnr, target_free_ifovs=free)
         # The closed form of its covariance has the exact diagonal, and off it correlations of
         # target and noise instead of one for each IFOV.
-        target, noise_alone = correlations(bins=BINS, **PULSE)
+        target, noise_alone = correlations(Pulse(30e-9, 1.0), BINS)
         amplitude = np.sqrt(RAYLEIGH * cnr * row.astype(float))
         still = RAYLEIGH * math.sqrt(math.pi / 8)
         closed = np.outer(amplitude, amplitude) * target + still * (free + count) * noise_alone
@@ -85,7 +86,7 @@ def test_likelihood_is_that_of_gaussian_templates_of_one_covariance(gain_sigma, 
     seen = templates[:, None], tests, still, still[0], ifovs, normals, radar
     match = ProfileMatch(*seen, floor_sigma=floor_sigma)
     evidence = match.evidence(frames, gain_sigma=gain_sigma)
-    covariance = RAYLEIGH * math.sqrt(math.pi / 8) * free * correlations(bins=BINS, **PULSE)[1]
+    covariance = RAYLEIGH * math.sqrt(math.pi / 8) * free * correlations(Pulse(30e-9, 1.0), BINS)[1]
     exact = GaussianTemplates(
         gain_sigma=gain_sigma, floor_sigma=floor_sigma, diagonal_loading=LOADING
     ).fit(templates, lower_band(np.stack([covariance] * 3)), [0, 1, 2], floor=0.0)

@@ -9,7 +9,7 @@ from metric import areas
 
 import ncti.ships
 from ncti.ladar import range_extent
-from ncti.ladar.pulse import target_kernel
+from ncti.ladar.pulse import Pulse, target_kernel
 from ncti.render import line_image, range_image
 from studies.run_time.reference import reference_range_extent
 
@@ -32,7 +32,7 @@ def test_errors_are_those_of_the_library_beside_the_reference(tmp_path):
     exact = reference_range_extent(ship, **VIEW, **sight, bin_edges=EDGES, side=15.0)
     image = range_image(ship, **VIEW, **sight, pixel=1.0, roll=31.7, engine="embree")
     lines = line_image(ship, **VIEW, **sight, spacing=1.0, roll=31.7)
-    kernel = target_kernel(pulse_width=30e-9, bin_width=1.0, bin_count=250) ** 2
+    kernel = target_kernel(Pulse(30e-9, 1.0), 250) ** 2
     for engine, drawing, spread in (
         ("embree", image, 0.5),
         ("embree", image, 0.0),
