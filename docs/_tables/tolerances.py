@@ -204,8 +204,8 @@ def measure_pixels(*, views: int = 200, seed: int = 5) -> Report:
             "Error: sum of absolute differences from the sampling-free reference at the range over "
             "its sum, after the pulse. Time: processor time of binning every second row and column "
             "and of the bound, over that of drawing the view and its range extent; median. The "
-            f"factor of the bound is {sampling.PIXEL_FACTOR:g}; {factors[0]:.2f} would cover 95 % of all "
-            f"these errors, and {factors[1]:.2f} 98 %."
+            f"factor of the bound is {sampling.PIXEL_FACTOR:g}; {factors[0]:.2f} would cover 95 % "
+            f"of all these errors, and {factors[1]:.2f} 98 %."
         ],
     )
 

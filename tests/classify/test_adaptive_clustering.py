@@ -113,7 +113,9 @@ def test_zero_vectors_take_no_part():
     clean, holed = AdaptiveClusteringNetwork(), AdaptiveClusteringNetwork()
     clean.fit(X, y)
     holed.fit(holes, np.insert(y, [0, 50, 124], 0))
-    np.testing.assert_array_equal(holed.categories_, clean.categories_)
+    # The order of a sum of products depends on the number of rows, and rounds as often.
+    rounding = len(holes) * np.finfo(float).eps
+    np.testing.assert_allclose(holed.categories_, clean.categories_, rtol=rounding)
     np.testing.assert_array_equal(holed.labels_[holes.any(axis=1)], clean.labels_)
     np.testing.assert_array_equal(holed.labels_[~holes.any(axis=1)], -1)
     for learning in (False, True):
