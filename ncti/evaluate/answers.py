@@ -69,8 +69,8 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
         {
             "categories": (mean, "categories formed, mean over draws"),
             "spread": (counts.std(draws), "standard deviation of the number of categories"),
-            "least": (counts.min(draws), "least number of categories"),
-            "most": (counts.max(draws), "largest number of categories"),
+            "minimum": (counts.min(draws), "smallest number of categories"),
+            "maximum": (counts.max(draws), "largest number of categories"),
             "first": (counts.isel(dict.fromkeys(draws, 0), drop=True), "categories, first draw"),
             "trainings": (trained.astype("i4").sum(draws), "number of trainings"),
             "views": (views, "training views"),

@@ -24,14 +24,14 @@ MEANINGS = {
     "n_unknown": "answers to unknown ships",
     "n_known": "answers to known ships",
     "correct_where_rejected": "fraction of answers to known ships that are correct and accepted at "
-    "the threshold that rejects `least_rejected` of the unknown ones",
+    "the threshold that rejects `min_rejected` of the unknown ones",
     "rejected_up_to": "that threshold, the largest cosine rejected; none where all are accepted",
     "auroc": "probability that an answer to a known ship is more similar than one to an unknown "
     "ship (area under the receiver operating characteristic)",
     "oscr": "probability that an answer to a known ship is right and more similar than one to an "
     "unknown ship (area under the open-set classification rate)",
     "test_vigilance": "cosine that an answer must reach",
-    "least_rejected": "minimum fraction of answers to unknown ships that must be rejected",
+    "min_rejected": "minimum fraction of answers to unknown ships that must be rejected",
 }
 
 
@@ -104,8 +104,8 @@ def tabulate_rejection(
             lambda answers: rejection_thresholds(answers[~np.isnan(answers)], MIN_REJECTED),
             similarity.where(unknowns),
             input_core_dims=[pooled],
-            output_core_dims=[["least_rejected"]],
-        ).assign_coords(least_rejected=MIN_REJECTED)
+            output_core_dims=[["min_rejected"]],
+        ).assign_coords(min_rejected=MIN_REJECTED)
         pools: Any = {"input_core_dims": [pooled] * 3, "output_core_dims": [[], []]}
         auroc, oscr = apply(_areas, all_similarity, right, knowns, **pools)
         columns = {

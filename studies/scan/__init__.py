@@ -2,7 +2,7 @@
 
 from studies.scan.field import Box, Detection, Field, cue, detect, elevation, thermal_field
 from studies.scan.imager import Imager, observe, places
-from studies.scan.schedule import Schedule, imaging_time, most_pulses, position_count, schedule
+from studies.scan.schedule import Schedule, imaging_time, max_pulse_rate, position_count, schedule
 from studies.scan.targets import Survey, Target, box, owner
 from studies.scan.visits import Laser, Rates, VisitTemplates, outcomes
 
@@ -22,7 +22,7 @@ __all__ = [
     "detect",
     "elevation",
     "imaging_time",
-    "most_pulses",
+    "max_pulse_rate",
     "observe",
     "outcomes",
     "owner",

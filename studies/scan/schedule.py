@@ -63,7 +63,7 @@ def dwell(positions: int, *, frame_count: int, pulse_rate: float) -> float:
     return positions * frame_count / pulse_rate
 
 
-def most_pulses(slant_range: float) -> float:
+def max_pulse_rate(slant_range: float) -> float:
     """Return the highest pulse rate without range ambiguity, c / (2 slant_range) [Hz]."""
     require("slant_range", slant_range, positive=True)
     return SPEED_OF_LIGHT / (2 * slant_range)

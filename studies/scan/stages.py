@@ -18,7 +18,18 @@ from ncti.evaluate import wilson_interval
 from ncti.labels import labelled_dataset
 from ncti.ladar import RangeExtent, banded_frame_moments
 from ncti.ladar.window import EDGE_SHARE
-from studies.scan import Box, Field, Imager, Laser, Rates, Survey, Target, box, most_pulses, observe
+from studies.scan import (
+    Box,
+    Field,
+    Imager,
+    Laser,
+    Rates,
+    Survey,
+    Target,
+    box,
+    max_pulse_rate,
+    observe,
+)
 from studies.scan.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, Unit, count, number, word
@@ -257,7 +268,7 @@ TIMES = {
 }
 
 outcome = FIELD.stage(
-    Output("least", label="rejection threshold of the similarity"),
+    Output("threshold", label="rejection threshold of the similarity"),
     Output("accepted", ("detection",), "i1", pad=-1, label="1 where a visit is accepted as a ship"),
     *(Output(name, dtype="i4", label=label) for name, label in COUNTS.items()),
     *(Output(name, dtype="f8", unit="s", label=label) for name, label in TIMES.items()),
@@ -281,10 +292,10 @@ def check(choices: Choices) -> Choices:
     require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
     require(choices, Ladar.reflectance, "projected_area", f"with the sensor {SENSOR}")
     far = Grid.range.in_si(max(choices[Grid.range])) * (1 + max(choices[Scan.depth]))
-    most, pulses = most_pulses(far), max(choices[Scan.pulse_rate])
-    if pulses > most:
+    max_rate, pulse_rate = max_pulse_rate(far), max(choices[Scan.pulse_rate])
+    if pulse_rate > max_rate:
         reason = f"for pulses to be back from {far * 1e-3:g} km before the next ones leave"
-        refuse(Scan.pulse_rate, pulses, f"at most {most:.0f} Hz {reason}")
+        refuse(Scan.pulse_rate, pulse_rate, f"at most {max_rate:.0f} Hz {reason}")
     check_window(choices)
     _check_decoy(choices)
     views.check_ranges(choices, Grid.range, Ladar.ifov)

@@ -277,16 +277,16 @@ def search_outcome(
     """Return the counts and times of a search by name.
 
     Those are of `outcomes` and `Schedule`, and `decoys`, their number. `detected`, `visited` and
-    `known` are results of `observe`, `identify_visits` and `known_similarity`. `least` is the
+    `known` are results of `observe`, `identify_visits` and `known_similarity`. `threshold` is the
     similarity below which a share `lost` of visits to known ships lies; `accepted` are the
     (detection,) visits that reach it.
     """
-    least = float(np.quantile(known, lost))
-    accepted = visited["similarity"] >= least
+    threshold = float(np.quantile(known, lost))
+    accepted = visited["similarity"] >= threshold
     visits = [Box(*edges) for edges in detected["visit"].tolist()]
     times = rates.schedule(field, visits, frame_count)
     return {
-        "least": least,
+        "threshold": threshold,
         "accepted": accepted,
         "decoys": len(detected["column"]) - len(ship),
         **outcomes(detected["source"], visited["named"], accepted, len(ship)),

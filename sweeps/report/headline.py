@@ -192,12 +192,13 @@ def _describe_course(candidate: Candidate, column: Column) -> str:
     # An extreme between the ends is part of the answer.
     minimum, maximum = values.min(), values.max()
     for word, label, excess in (
-        ("least", values.idxmin(), min(first, last) - minimum),
-        ("most", values.idxmax(), maximum - max(first, last)),
+        ("minimum", values.idxmin(), min(first, last) - minimum),
+        ("maximum", values.idxmax(), maximum - max(first, last)),
     ):
         if excess > 0.1 * (maximum - minimum):
             text = _distinct_numbers(float(values.loc[label]), last, column)[0]
-            clause += f", {word} {text} at {words}{axis.text(rows.at[label, candidate.axis])}"
+            place = f"{words}{axis.text(rows.at[label, candidate.axis])}"
+            clause += f", with a {word} of {text} at {place}"
     return clause
 
 

@@ -52,7 +52,7 @@ def score_displays(
 
 def category_display(labels: Mapping[str, str], source: str) -> Display:
     """Return the display of the numbers of categories that one classifier forms."""
-    names = ("first", "least", "most", "trainings", "views", "settled")
+    names = ("first", "minimum", "maximum", "trainings", "views", "settled")
     return Display(
         "categories",
         "Categories formed in training",
@@ -86,7 +86,7 @@ def rejection_displays(labels: Mapping[str, str]) -> tuple[Display, Display]:
             Figure("rejected_up_to", listed=False),
         ),
         rows=("classifier", "channel"),
-        columns="least_rejected",
+        columns="min_rejected",
         labels=labels,
         notes=(
             "At the least test vigilance that rejects at least that share. auroc, oscr: areas "

@@ -261,7 +261,7 @@ def test_to_reject_unknown_ships_costs_most_of_the_known_ones(profiles):
     assert abs(float(table.oscr) - AREA) < off[0] + UNSURE
     # Where nine in ten are rejected of a sample, 76 % are in the long run, or more.
     assert 0.9 - off[0] > 0.76
-    kept = float(table.correct_where_rejected.sel(least_rejected=0.9))
+    kept = float(table.correct_where_rejected.sel(min_rejected=0.9))
     assert kept < REJECTED_LESS + off[1] + UNSURE < 0.5
 
 

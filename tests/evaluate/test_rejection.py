@@ -64,7 +64,7 @@ def test_the_characteristic_is_counted_by_hand():
     classified = xr.Dataset({"similarity": (dims, similarity), "correct": (dims, correct)})
     table = tabulate(classified, learned, (0.5,)).sel(aspects="learned")
     # Sorted unknown: .1 .3 .5 .6 .6 .7 .8 .85; of eight 0, 4, 7 (of 6.4), 8 (of 7.2 and 7.6).
-    np.testing.assert_array_equal(table.least_rejected, [0, 0.5, 0.8, 0.9, 0.95])
+    np.testing.assert_array_equal(table.min_rejected, [0, 0.5, 0.8, 0.9, 0.95])
     np.testing.assert_allclose(table.rejected_up_to, [np.nan, 0.6, 0.8, 0.85, 0.85])
     # Right ones above: all 7; .9 .8 .95; .9 .95; as many.
     np.testing.assert_allclose(table.correct_where_rejected, np.array([7, 3, 2, 2, 2]) / 8)

@@ -116,7 +116,10 @@ def test_of_other_percentages_the_best_row_is_named(tmp_path):
     ("values", "said"),
     [
         ([0.6671, 0.5, 0.4108], "Cumulant falls from 0.67 at 1.5 to 0.41 at 3.0 J/k, size 8."),
-        ([0.3, 0.9, 0.4], "Cumulant rises from 0.30 at 1.5 to 0.40 at 3.0 J/k, most 0.90 at 2"),
+        (
+            [0.3, 0.9, 0.4],
+            "Cumulant rises from 0.30 at 1.5 to 0.40 at 3.0 J/k, with a maximum of 0.90 at 2",
+        ),
         ([0.991, 0.992, 0.994], "Cumulant rises from 0.991 at 1.5 to 0.994 at 3.0 J/k"),
         ([5.0, 5.0, 5.0], "Cumulant is 5 at 1.5 and at 3.0 J/k, size 8."),
         ([0.5, np.inf, 0.4], "Cumulant falls from 0.50 at 1.5 to 0.40 at 3.0 J/k, size 8."),

@@ -62,7 +62,7 @@ GOOD = {
     "scan.Field": {"width": 0.3, "height": 0.1, "ifov": 150e-6},
     "scan.detect": {"image": np.zeros((2, 2)), "threshold": 1.0, "reach": (1, 1)},
     "scan.position_count": {"width": 1.0, "height": 1.0, "element": 1.0},
-    "scan.most_pulses": {"slant_range": 1e5},
+    "scan.max_pulse_rate": {"slant_range": 1e5},
     "features.log_polar": {"mask": np.eye(4)},
     "features.cyclic_similarity": {"a": np.ones((4, 2)), "b": np.ones((4, 2))},
     "features.profile_vector": {"profile": np.arange(9.0), "floor": 0.0},

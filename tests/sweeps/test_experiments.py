@@ -163,6 +163,6 @@ def asked(values, group, flown):
     if str(values.name).endswith("_needed"):  # none, for an error that no pixel of these meets
         return np.zeros(0)
     if values.name == "rejected_up_to":  # none, to reject none
-        return values.isel(least_rejected=slice(1, None))
+        return values.isel(min_rejected=slice(1, None))
     flights = flown and group in OF_FLIGHTS and "ship" in values.dims
     return values.sel(ship=flown) if flights else values

@@ -76,7 +76,7 @@ def test_the_sea_is_no_ship_and_what_is_near_is_named(scan):
     long = scan.sel(frame_count=16)
     assert int(long.false.sum()) > 30
     assert (long.false == long.false_rejected).all()
-    assert float(long.similarity.where(scan.source == -1).max()) < float(long.least.min())
+    assert float(long.similarity.where(scan.source == -1).max()) < float(long.threshold.min())
     assert int(long.right.sel(range=50).sum()) >= SHIPS * DRAWS - 2
 
 
@@ -100,7 +100,7 @@ def test_a_seed_is_a_scan_and_company_changes_nothing(scan, tmp_path, cache):
         "detected",
         "right",
         "total",
-        "least",
+        "threshold",
     ):
         assert np.array_equal(repeated[name], part[name]), name
     assert not np.array_equal(repeated.true_aspect, other_seed.true_aspect)

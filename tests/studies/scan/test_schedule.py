@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.scan import imaging_time, most_pulses, position_count, schedule
+from studies.scan import imaging_time, max_pulse_rate, position_count, schedule
 from studies.scan.schedule import dwell
 
 IFOV = 150e-6
@@ -53,4 +53,4 @@ def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, puls
 
 
 def test_a_pulse_is_back_before_the_next():
-    assert most_pulses(100e3) == pytest.approx(1499, abs=0.5)
+    assert max_pulse_rate(100e3) == pytest.approx(1499, abs=0.5)
