@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from datetime import datetime, timedelta
-
-from rich.table import Table
+from typing import TYPE_CHECKING
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.run.progress import count_table, open_states, state_name, time_left
 from sweeps.engine.run.schedule import Progress
 from sweeps.engine.store.locks import LEASE, seconds_since_renewal
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def format_status(store: PathOrUrl, cache: PathOrUrl) -> tuple[str, Table]:

@@ -39,13 +39,11 @@ class UndeclaredOutput(Output):
     pad: complex | str | None = np.nan
     infer_dtype: bool = True  # each variable keeps its dtype; numbers become f8 or c16
     names: tuple[str, ...] = ()  # of the elements of a tuple
-    dims_of: Mapping[str, tuple[str, ...]] = field(
-        default_factory=dict
-    )  # if they differ from `dims`
+    # Dimensions of variables, if they differ from `dims`.
+    dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
-    extra_attributes: Mapping[str, Mapping[str, Any]] = field(
-        default_factory=dict
-    )  # attributes by variable
+    # Attributes by variable.
+    extra_attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @cached_property
     def variables(self) -> dict[Any, Output]:

@@ -29,9 +29,8 @@ MIN_INTEGER, MAX_INTEGER = -(2**63), 2**63 - 1  # whole numbers that a store hol
 class Argument(Setting):
     """A setting that is an argument of a function, whose values are its default."""
 
-    extra_attributes: Mapping[str, Any] = field(
-        default_factory=dict
-    )  # attributes besides unit and label
+    # Attributes besides unit and label.
+    extra_attributes: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def attrs(self) -> dict[str, Any]:

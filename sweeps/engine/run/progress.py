@@ -10,12 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import astuple
 from datetime import timedelta
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
 
 from sweeps.engine.cache.objects import PRIVATE_MODE, Objects
 from sweeps.engine.declare.failures import Failure, FailureLog
@@ -24,14 +21,15 @@ from sweeps.engine.resolve.keys import digest
 from sweeps.engine.run.process import say
 from sweeps.engine.run.schedule import Callbacks, Progress, Schedule
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 LINE_INTERVAL = 10.0  # s between plain lines
 MIN_WORK = 3.0  # s of work done before the rest is estimated
 NAMED_FAILURES = 5  # all are in the log of failures and in the attributes of the store
 MAX_BARS = 8  # stages that the live display shows: a terminal may have 24 lines
-MAX_STAGES, MIN_LISTED_SECONDS = (
-    3,
-    0.05,
-)  # stages whose time the summary lists, and the least time [s]
+MAX_STAGES = 3  # stages whose time the summary lists
+MIN_LISTED_SECONDS = 0.05  # s
 
 
 @contextmanager
@@ -58,12 +56,11 @@ class _ProgressView:
     def __init__(
         self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, record: bool
     ) -> None:
+        from rich.live import Live
+
         self.name, self.log, self.record = name, log, record
-        self.states, self.file, self.next_save = (
-            open_states(cache, make=True),
-            state_name(store),
-            0.0,
-        )
+        self.states, self.file = open_states(cache, make=True), state_name(store)
+        self.next_save = 0.0
         self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
         self.state["ended"] = "stopped"  # until the sweep finishes
         self.terminal = sys.stderr is not None and sys.stderr.isatty()
@@ -149,6 +146,8 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
 
         yield draw
     elif terminal:
+        from rich.live import Live
+
         with Live(console=console, transient=True) as live:
             yield lambda schedule: live.update(make_table(schedule))
     else:
@@ -157,6 +156,9 @@ def progress_bar() -> Iterator[Callable[[Schedule], None]]:
 
 def _make_bars(rows: Sequence[tuple[str, Progress]], remaining: str) -> Table:
     """Return a bar for each stage, the last one followed by the remaining time."""
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+
     table = Table.grid(padding=(0, 1))
     for number, (name, progress) in enumerate(rows, 1):
         count = progress.total - progress.remaining
@@ -184,6 +186,8 @@ def time_left(work: float, done: float, elapsed: float) -> str:
 
 def count_table(rows: Mapping[str, Sequence[Any]], *headings: str) -> Table:
     """Return a table of numbers by stage."""
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False)
     table.add_column("stage")
     for heading in headings:
