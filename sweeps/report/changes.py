@@ -190,6 +190,15 @@ def _overall_rows(frame: Frame) -> pd.DataFrame:
     return rows
 
 
+def largest_case(compared: Comparison) -> dict[str, Any]:
+    """Return the values of the axes at which the largest change is, by column."""
+    frame = next(iter(compared.frames.values()), None)
+    if frame is None:
+        return {}
+    _, row = _largest_row(frame)
+    return {name: row[name] for name in frame.varying_axes if not is_missing(row[name])}
+
+
 def _largest_row(frame: Frame) -> tuple[Any, pd.Series]:
     """Return label and row of the largest difference, among significant ones if there are any.
 

@@ -230,10 +230,21 @@ def _is_endless(value: Any, low: str, high: str) -> bool:
     return isinstance(value, float) and math.isinf(value) and low == high
 
 
-def select_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
-    """Return a frame at the preferred value of every axis except `keep` and the one across.
+def main_value(
+    name: str, axis: str, values: Sequence[Any], case: Mapping[str, Any] | None = None
+) -> Any:
+    """Return the value of a column to show first: that of `case`, or the preferred one."""
+    given = (case or {}).get(name)
+    return given if given in values else preferred_value(axis, values)
 
-    Parts of a frame that lack that value keep their own.
+
+def select_main(
+    frame: Frame, keep: Sequence[str] = (), case: Mapping[str, Any] | None = None
+) -> Frame:
+    """Return a frame at the main value of every axis except `keep` and the one across.
+
+    That is the value of `case`, by the names of columns, or the preferred one. Parts of a frame
+    that lack it keep their own.
     """
     for name in frame.varying_axes:
         if name in (*keep, frame.across):
@@ -242,13 +253,13 @@ def select_main(frame: Frame, keep: Sequence[str] = ()) -> Frame:
         if not values:
             continue
         axis = frame.columns[name].axis
-        labels = frame.select(name, preferred_value(axis, values)).rows.index
+        labels = frame.select(name, main_value(name, axis, values, case)).rows.index
         other_parts = set(frame.rows[PART]) - set(frame.rows.loc[labels, PART])
         # Labels that distinguish parts, such as tests from training, select parts themselves.
         for part in (k for k in other_parts if name not in frame.parts[k].display.labels):
             rows = frame.rows[frame.rows[PART] == part]
             part_values = values_of(rows, name)
-            rows = rows[rows[name] == preferred_value(axis, part_values)]
+            rows = rows[rows[name] == main_value(name, axis, part_values, case)]
             labels = labels.append(rows.index)
         frame = frame.where(frame.rows.index.isin(labels))
     return frame

@@ -13,6 +13,7 @@ from stores import contents, reported, signed
 from ncti.evaluate import paired_difference
 from sweeps.report.changes import change_sentences, change_table, settings_sentence
 from sweeps.report.compare import NAME, compare
+from sweeps.report.page.content import comparison_content
 from sweeps.report.pairs import Pairs, holm
 
 ASPECTS = np.arange(0.0, 60.0, 3.0)
@@ -331,6 +332,22 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
     ]
     sentence, _ = change_sentences(compare(*paths))
     assert " in c.zarr, -" in sentence and "at pulse width " in sentence
+
+
+@pytest.mark.parametrize("changed", [0, 1])
+def test_the_page_shows_the_largest_change_at_first(changed, tmp_path):
+    """Of two frame counts, whose preferred one does not depend on the change."""
+    right = np.ones((3, 2, 2, 20))
+    wrong = right.copy()
+    wrong[:, changed] = 0
+    swept = {"pulse_width": [10.0, 30.0, 50.0], "frame_count": [4, 16]}
+    first, second = (
+        store(tmp_path / name, correct, **swept)
+        for name, correct in (("a.zarr", right), ("b.zarr", wrong))
+    )
+    axes = comparison_content(compare(first, second))["axes"]
+    [options] = (axis["options"] for axis in axes if axis["name"] == "frame_count")
+    assert [selected for *_, selected in options] == [changed == 0, changed == 1]
 
 
 def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path):

@@ -12,6 +12,7 @@ import xarray as xr
 from made import displayed, scores
 from pages import stored
 
+from sweeps.engine.declare.display import parse_display
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.experiment import EXPERIMENT
 from sweeps.report.files import csv_of
@@ -134,6 +135,12 @@ def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
         frame(path, "speed")
     with pytest.raises(ConfigurationError, match=r"which does not exist$"):
         frame(tmp_path / "absent.zarr", "scores")
+
+
+@pytest.mark.parametrize("attribute", [{"figures": [{"beside": {}}]}, {}])
+def test_tables_of_another_version_are_refused(attribute):
+    with pytest.raises(ConfigurationError, match="another version wrote its tables"):
+        parse_display({"rows": [], "notes": [], **attribute})
 
 
 def test_tables_of_other_experiments_are_read_without_the_stages(tmp_path):

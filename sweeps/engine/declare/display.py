@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from sweeps.engine.declare.errors import ConfigurationError
+
 if TYPE_CHECKING:
     from sweeps.engine.declare.settings import Choices
 
@@ -56,7 +58,14 @@ class Display:
 
 
 def parse_display(attribute: Mapping[str, Any]) -> Display:
-    """Return the display that an attribute stores."""
-    figures = tuple(Figure(**figure) for figure in attribute["figures"])
-    rows, notes = tuple(attribute["rows"]), tuple(attribute["notes"])
-    return Display(**{**attribute, "figures": figures, "rows": rows, "notes": notes})
+    """Return the display that an attribute stores.
+
+    Raises ConfigurationError if another version, with other fields, wrote it.
+    """
+    try:
+        figures = tuple(Figure(**figure) for figure in attribute["figures"])
+        rows, notes = tuple(attribute["rows"]), tuple(attribute["notes"])
+        return Display(**{**attribute, "figures": figures, "rows": rows, "notes": notes})
+    except (KeyError, TypeError) as error:
+        problem = "another version wrote its tables; sweep again into another store"
+        raise ConfigurationError(problem) from error

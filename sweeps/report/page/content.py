@@ -9,7 +9,12 @@ from typing import Any
 
 from ncti.text import printable
 from sweeps.engine.declare.paths import PathOrUrl, path_beside
-from sweeps.report.changes import change_sentences, settings_sentence, settings_that_differ
+from sweeps.report.changes import (
+    change_sentences,
+    largest_case,
+    settings_sentence,
+    settings_that_differ,
+)
 from sweeps.report.compare import Comparison
 from sweeps.report.confusion import NAME as CONFUSION
 from sweeps.report.confusion import confusion_frame, read_predictions
@@ -17,12 +22,12 @@ from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy_sentences, headline, headline_for_script
 from sweeps.report.page.provenance import iter_settings, status_of, swept_settings, yaml_text
 from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
-from sweeps.report.pivot import lay_out, select_main
+from sweeps.report.pivot import lay_out, main_value, select_main
 from sweeps.report.ranking import main_axis
 from sweeps.report.scales import axis_of, figure_of
 from sweeps.report.stores import attributes, open_store
 from sweeps.report.timings import NAME as TIMINGS
-from sweeps.report.words import is_missing, preferred_value
+from sweeps.report.words import is_missing
 
 MAX_ROWS = 4_000  # rows of a table; the CSV file has all
 MAX_CHART_ROWS = 32_000  # rows of a table that its charts have
@@ -77,7 +82,7 @@ def comparison_content(compared: Comparison) -> dict[str, Any]:
         "settings": settings_that_differ(compared),
         "pictures": {},
         "ships": [],
-        **chart_content(compared.frames, axes, title),
+        **chart_content(compared.frames, axes, title, case=largest_case(compared)),
     }
 
 
@@ -88,11 +93,12 @@ def chart_content(
     *,
     along: str = "",
     colour: str = "",
+    case: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the tables of a page, its selectors, and the data of its charts.
 
     `along` and `colour` are the columns of the axes of charts and of their colours, by default
-    those of the headline.
+    those of the headline. `case` has the values to select at first, by column.
     """
     # Rows and charts run along the axis of the headline.
     main = next(iter(frames.values()))
@@ -105,8 +111,8 @@ def chart_content(
         # Without declared curves, a curve for each value of the second axis.
         "colour": colour or ("" if curves_of(main) else second),
         "curves": ", ".join(main.columns[name].words for name in curves_of(main)[:1]),
-        "axes": axes_of(frames),
-        "tables": [table_of(table, against, swept) for table in frames.values()],
+        "axes": axes_of(frames, case),
+        "tables": [table_of(table, against, swept, case) for table in frames.values()],
         "data": {
             "store": store,
             "headline": None,
@@ -140,7 +146,9 @@ def colours_of(frame: Frame) -> list[str]:
     return [text for name in words for text in _words_of(frame, name).values()]
 
 
-def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
+def axes_of(
+    frames: Mapping[str, Frame], case: Mapping[str, Any] | None = None
+) -> list[dict[str, Any]]:
     """Return the selectors: axes of several values that are not down or across everywhere."""
     columns, values = dict[str, Column](), dict[str, list[Any]]()
     for frame in frames.values():
@@ -154,15 +162,17 @@ def axes_of(frames: Mapping[str, Frame]) -> list[dict[str, Any]]:
     for name, column in columns.items():
         if all(isinstance(value, int | float) for value in values[name]):
             values[name].sort()
-        first = preferred_value(column.axis, values[name])
+        first = main_value(name, column.axis, values[name], case)
         options = [(json.dumps(_json_value(v)), column.text(v), v == first) for v in values[name]]
         selectors.append({"name": name, "column": column, "options": options})
     return selectors
 
 
-def table_of(frame: Frame, against: str, swept: Sequence[str]) -> dict[str, Any]:
+def table_of(
+    frame: Frame, against: str, swept: Sequence[str], case: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """Return a table of the page: all rows, with those of the first selection visible."""
-    chosen = set(select_main(frame, [*curves_of(frame), against]).rows.index)
+    chosen = set(select_main(frame, [*curves_of(frame), against], case).rows.index)
     order = [frame.columns[name].axis for name in (against,) if name in frame.columns]
     table = lay_out(frame, [*order, *swept])
     lines = []
