@@ -251,7 +251,7 @@ def cluster(
 
     Examples
     --------
-    The number of categories rises with the vigilance:
+    A higher vigilance gives more categories here, as it does usually, not always:
 
     >>> import numpy as np
     >>> from ncti.classify import Similarities, cluster

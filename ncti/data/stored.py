@@ -107,11 +107,12 @@ def load_xy(
     require_word("split", split, SPLITS)
     if has_rows(store):
         if split != "train":
-            raise ValueError(
-                f"split is {split!r}, but must be 'train' of rows, which have no other"
-            )
+            raise ValueError(f"split is {split!r}, but a store of rows has no splits; omit it")
         if classifier_group is not None:
-            raise ValueError(f"classifier_group is {classifier_group!r}, but must be None of rows")
+            raise ValueError(
+                f"classifier_group is {classifier_group!r}, but must be None: rows have no "
+                "classifiers"
+            )
         # One piece is read at once, a whole store block by block.
         return _vectors(open_rows(store, chunks=None if "piece" in where else {}, **where))
     sensor = _sensor(store, classifier_group)
@@ -257,8 +258,8 @@ def _flatten_pieces(pieces: xr.Dataset) -> xr.Dataset:
 EMPTY_REASONS = {
     "train": "the store has no learned view",
     "learned": "the store has no learned view",
-    "test": "must be learned where the sweep learned every aspect: see classifier.training_aspect",
-    "unknown": "the sweep learned every ship: see classifier.unknown",
+    "test": "the sweep learned every aspect; use 'learned', or set classifier.training_aspect",
+    "unknown": "the sweep learned every ship; set classifier.unknown",
 }
 """Reasons why a split has no views."""
 

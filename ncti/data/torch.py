@@ -12,6 +12,7 @@ from functools import lru_cache
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +58,10 @@ class StoredRows:
         classes: Sequence[str] | None = None,
         **where: Any,
     ) -> None:
-        self.store, self._selection = str(store), (classifier_group, split, tuple(where.items()))
+        # Tuples, which the cache of pieces can hash, and a mark of this object's own pieces, since
+        # the store may have grown after another one read it.
+        items = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in where.items())
+        self.store, self._selection = str(store), (classifier_group, split, items, uuid4().hex)
         pieces = pieces_of(store) if has_rows(store) else {}
         self.classes = tuple(ships_of(store) if classes is None else classes)
         if not pieces:
@@ -141,9 +145,10 @@ def _read_piece(
     store: str, selection: tuple[Any, ...], classes: tuple[str, ...], number: int
 ) -> Batch:
     """Return vectors and labels of a piece of a store, or of a store without pieces."""
-    classifier, split, where = selection
+    classifier, split, items, _ = selection
+    where = {name: list(value) if isinstance(value, tuple) else value for name, value in items}
     piece = {} if number == WHOLE_STORE else {"piece": number}
-    X, y, _ = load_xy(store, classifier, split, **{**dict(where), **piece})
+    X, y, _ = load_xy(store, classifier, split, **{**where, **piece})
     if unknown := sorted(set(y.tolist()) - set(classes)):
         raise ValueError(f"classes is {classes!r:.60}, but must have {unknown[0]}")
     labels = {name: k for k, name in enumerate(classes)}

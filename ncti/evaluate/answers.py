@@ -42,8 +42,8 @@ def tabulate_categories(classified: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        `categories`, their mean over the draws of `DRAWS`, with `spread`, `least`, `most` and
-        `first`; `trainings`, `views`, `compression` (views per category) and `settled`.
+        `categories`, their mean over the draws of `DRAWS`, with `spread`, `minimum`, `maximum`
+        and `first`; `trainings`, `views`, `compression` (views per category) and `settled`.
 
     See Also
     --------

@@ -213,7 +213,8 @@ def score(
         similarity = values.max(axis=1)
     known = np.isin(truth, learned)
     if not known.any():
-        raise ValueError(f"y has {truth[:1]}, but must have a row of the classes, {learned}")
+        names = ", ".join(map(str, learned))
+        raise ValueError(f"y has {truth[0]!s}, but must have one of the classes {names}")
     views = require_labels("groups", groups)
     angles = require_all("aspect", aspect, minimum=0.0, maximum=360.0)
     for name, array in (("groups", views), ("aspect", angles)):

@@ -34,11 +34,16 @@ class AspectAccuracy:
     labels : tuple of str
         Names of the bins, from the aspects in them ("0-27"); the last is "overall".
     fraction : (..., bin) float64 ndarray
-        Correct answers over answers, in [0, 1]; NaN if there are none.
+        Correct answers over answers, in [0, 1]; NaN if there are none. Of a difference of two
+        classifiers, that of their fractions, in [-1, 1].
     ci_low, ci_high : (..., bin) float64 ndarray
-        Ends of the confidence interval of the fraction, of 95 % unless asked otherwise.
+        Ends of the confidence interval of the fraction.
     n : (..., bin) intp ndarray
         Number of answers.
+    confidence : float
+        Probability that the interval covers the true value.
+    is_difference : bool
+        Whether the fractions are differences; see `paired_difference`.
 
     See Also
     --------
@@ -58,16 +63,19 @@ class AspectAccuracy:
     ci_low: Floats
     ci_high: Floats
     n: Integers
+    confidence: float = 0.95
+    is_difference: bool = False
 
     def to_xarray(self) -> xr.Dataset:
         """Return the arrays with their labels; leading axes are `dim_0`, `dim_1` and so on."""
         import xarray as xr
 
         dims = (*(f"dim_{axis}" for axis in range(self.fraction.ndim - 1)), BIN)
+        kind, interval = "difference" * self.is_difference, f"{100 * self.confidence:g} % interval"
         columns = {
-            "fraction": (self.fraction, "fraction of correct answers"),
-            "ci_low": (self.ci_low, "lower end of the 95 % interval"),
-            "ci_high": (self.ci_high, "upper end of the 95 % interval"),
+            "fraction": (self.fraction, f"{kind or 'fraction'} of correct answers"),
+            "ci_low": (self.ci_low, f"lower end of the {interval}"),
+            "ci_high": (self.ci_high, f"upper end of the {interval}"),
             "n": (self.n, "answers"),
         }
         return xr.Dataset(
@@ -83,14 +91,18 @@ class AspectAccuracy:
         return self.to_xarray().to_dataframe()
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw percent correct by aspect bin, with 95 % intervals; ValueError with more axes."""
+        """Draw percent correct by aspect bin, with intervals; ValueError with more axes."""
         if self.fraction.ndim > 1:
             shape = self.fraction.shape
             raise ValueError(f"fraction has shape {shape}, but must have bins alone to be drawn")
         ax = axes_to_draw_in(ax)
         percent, low, high = (100 * values for values in (self.fraction, self.ci_low, self.ci_high))
         ax.errorbar(self.labels, percent, (percent - low, high - percent), fmt="o", capsize=3)
-        ax.set(xlabel="aspect [deg]", ylabel="correct answers [%]", ylim=(0, 105))
+        if self.is_difference:
+            ax.set(xlabel="aspect [deg]", ylabel="difference of correct answers [points]")
+            ax.axhline(0, linewidth=1)
+        else:
+            ax.set(xlabel="aspect [deg]", ylabel="correct answers [%]", ylim=(0, 105))
         return ax
 
     def _repr_html_(self) -> str:
@@ -102,8 +114,8 @@ class AspectAccuracy:
             else ""
             for row in frame.itertuples()
         ]
-        frame = frame.assign(**{"percent correct": percent})[["percent correct", "n"]]
-        return str(frame.to_html())
+        name = "difference [points]" if self.is_difference else "percent correct"
+        return str(frame.assign(**{name: percent})[[name, "n"]].to_html())
 
 
 def axes_to_draw_in(ax: Axes | None) -> Axes:
@@ -182,7 +194,7 @@ def wilson_interval(
 
     z = ndtri(0.5 + 0.5 * confidence)
     failures = n - k
-    spread = z * np.sqrt(z**2 / 4.0 + k * failures / np.maximum(n, 1.0))
+    spread = z * np.sqrt(z**2 / 4.0 + k * failures / np.where(n > 0.0, n, 1.0))
     low = (k + z**2 / 2.0 - spread) / (n + z**2)
     high = (k + z**2 / 2.0 + spread) / (n + z**2)
     # Without failures the upper root is exactly 1 except for rounding; the lower one is exact.
@@ -248,7 +260,11 @@ def aspect_bins(aspects: ArrayLike) -> tuple[tuple[str, ...], Integers]:
     bins = np.searchsorted(EDGES[1:-1], values, side="right")
     bins += np.searchsorted(beyond, values, side="left")
     occupied, index = np.unique(bins, return_inverse=True)
-    labels = tuple(_span(values[bins == k]) for k in occupied)
+    spans = [values[bins == k] for k in occupied]
+    for digits in range(1, 10):  # until no two bins have the same name
+        labels = tuple(_span(span, digits) for span in spans)
+        if len({*labels}) == len(labels):
+            break
     return labels, index.astype(np.intp)
 
 
@@ -340,7 +356,7 @@ def checked_answers(correct: ArrayLike, aspects: int, draws: int = 0) -> NDArray
     return right
 
 
-def _span(aspects: Floats) -> str:
+def _span(aspects: Floats, digits: int) -> str:
     """Return the name of a bin: "0-27" for aspects from 0 to 27, "90" for a single one."""
-    low, high = (f"{round(float(end), 1):g}" for end in (aspects.min(), aspects.max()))
+    low, high = (f"{round(float(end), digits):.12g}" for end in (aspects.min(), aspects.max()))
     return low if low == high else f"{low}-{high}"

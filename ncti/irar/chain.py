@@ -292,7 +292,7 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     """
     level = sea_level(snapshot.looks, flight) if threshold is None else threshold
     levels = require_all("threshold", level, minimum=0.0)
-    require_shape("range_", snapshot.range, snapshot.intensity.shape)
+    require_shape("range", snapshot.range, snapshot.intensity.shape)
     require_shape("threshold", levels, (), snapshot.intensity.shape)
     ship = snapshot.intensity >= levels
     # A range of zero is valid, at the ship's origin, so NaN marks no range.

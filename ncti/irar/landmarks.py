@@ -184,9 +184,8 @@ def landmarks(
     low, high = (centres[0], centres[-1]) if hangar is None else _checked_window("hangar", hangar)
     inside = (centres >= low) & (centres <= high)
     if not inside.any() or not values[inside].max() > 0:
-        raise NothingSeenError(
-            f"hangar is {hangar!r}, but must be where the profile has a return above 0"
-        )
+        subject = "profile has" if hangar is None else f"hangar is {hangar!r}, which has"
+        raise NothingSeenError(f"{subject} no return above 0, but must have one")
     # The hangar's spike is the reference of all places, heights and energies.
     top = int(np.flatnonzero(inside)[values[inside].argmax()])
     spike, height = _centroid(values, centres, top), float(values[top])

@@ -1,4 +1,4 @@
-"""Compiled loop of the tilts of corrected images, and the call that compiles it."""
+"""Registration of the compiled loop of tilts, with a small call that compiles it."""
 
 from __future__ import annotations
 

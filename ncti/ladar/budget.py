@@ -81,7 +81,7 @@ def carrier_to_noise(
     Raises
     ------
     ValueError
-        If a parameter is out of range; ranges must lie between 1 m and 1e9 m.
+        If a parameter is out of range, ranges from 1 m to 1e9 m, or the CNR exceeds 200 dB.
 
     See Also
     --------
@@ -118,6 +118,12 @@ def carrier_to_noise(
     require("reference_range", reference_range, minimum=1.0, maximum=1e9)
     require("extinction", extinction, minimum=0.0)
     two_way_db = 2 * extinction * (slant_range - reference_range)
+    spreading_db = 20 * math.log10(slant_range / reference_range)
+    if 10 * math.log10(reference) - spreading_db - two_way_db > MAX_DECIBELS:
+        raise ValueError(
+            f"extinction is {extinction:g} dB/m, but must be such that the carrier-to-noise ratio "
+            f"at {slant_range:g} m is at most {MAX_DECIBELS:g} dB"
+        )
     return float(reference * (reference_range / slant_range) ** 2 * 10 ** (-two_way_db / 10))
 
 

@@ -99,10 +99,15 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
         If there is nothing to draw between.
     """
     number = choices.value(RandomAspects.random_aspects)
-    if number and len(grid) < 2:
+    if not number:
+        return ()
+    if len(grid) < 2:
         reason = "where grid.aspect has one value: aspects are drawn between its ends"
         refuse(RandomAspects.random_aspects, number, f"0 {reason}")
-    return draw_aspects(grid[0], grid[-1], number, choices.value(Run.seed)) if number else ()
+    if len(seeds := choices[Run.seed]) > 1:
+        reason = "where seed has several values: aspects are drawn by one"
+        refuse(RandomAspects.random_aspects, number, f"0 {reason}")
+    return draw_aspects(grid[0], grid[-1], number, seeds[0])
 
 
 class Classifier(Settings, key="classifier"):
@@ -113,7 +118,7 @@ class Classifier(Settings, key="classifier"):
     alternative = set_of(
         ships(
             None,
-            label="unknown ships that the likelihood knows of: an answer may be none of the others",
+            label="unknown ships with templates in the likelihood: the answer to reject",
         )
     )
     generated = count(

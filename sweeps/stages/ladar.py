@@ -14,7 +14,7 @@ from ncti import ladar as library
 from ncti.classify.loops import DENSITIES
 from ncti.features.profile import estimated_floor
 from ncti.ladar import RangeExtent
-from ncti.ladar.budget import faintest_ratio
+from ncti.ladar.budget import MAX_DECIBELS, faintest_ratio
 from ncti.ladar.frames import averaged_frames
 from ncti.ladar.loops import FRAMES
 from ncti.ladar.places import IfovOffset
@@ -329,6 +329,7 @@ def check(choices: Choices) -> Choices:
         check_profiles(choices)
     if uses_sensor(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
+        _check_extinction(choices)
         if FULL in choices[Ladar.receiver]:
             _check_cnr(choices)
     return choices
@@ -362,6 +363,24 @@ def _check_window(choices: Choices) -> None:
         )
         if allowed := window_requirement(window, ship=ship, reach=reach, pulse_width=longest):
             refuse(Ladar.window, window, f"{allowed}{meshes.fault_hint(ship)}")
+
+
+def _check_extinction(choices: Choices) -> None:
+    """Refuse an extinction whose absence nearer than `cnr_range` exceeds the largest CNR."""
+    nearest, settings = min(choices[Grid.range]), (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)
+    for cnr, cnr_range, extinction in product(*(choices[setting] for setting in settings)):
+        try:
+            cnr_at_range(
+                Grid.range.in_si(nearest),
+                cnr,
+                Ladar.cnr_range.in_si(cnr_range),
+                Ladar.extinction.in_si(extinction),
+            )
+        except ValueError:
+            reason = (
+                f"for a carrier-to-noise ratio of at most {MAX_DECIBELS:g} dB at {nearest:g} km"
+            )
+            refuse(Ladar.extinction, extinction, f"lower, {reason}")
 
 
 def _check_cnr(choices: Choices) -> None:

@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import buckets
 import executors
@@ -20,7 +21,7 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.store.arrays import METADATA, Array
 from sweeps.engine.store.manifest import Manifest
-from sweeps.engine.store.writing import write_on_worker
+from sweeps.engine.store.writing import _write_remotely, write_on_worker
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
@@ -146,6 +147,25 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
     Manifest(coming=["g/x/c.1"]).put(Objects(store.path, make=True))
     assert write_on_worker(Objects(store.path), chunks).keys() == {"g/x/c.1"}
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
+
+
+def test_workers_that_leave_while_a_store_is_written_are_sent_nothing_more(tmp_path):
+    class Leaving:
+        """Four workers, of which one is left after the first answer."""
+
+        worker_count, numbers = 4, []
+
+        def submit(self, number, function, *arguments):
+            self.numbers.append(number)
+
+        def wait(self):
+            self.worker_count = 1
+            return [(self.numbers.pop(0), {}, None)]
+
+    array = SimpleNamespace(remote_read=np.arange, worker_part=lambda region: None)
+    chunks = [SimpleNamespace(name=f"c.{k}", array=array, region=()) for k in range(100)]
+    assert _write_remotely(Objects(tmp_path), chunks, Leaving()) == {}
+    assert Leaving.numbers == []
 
 
 def test_a_worker_stops_writing_when_the_manifest_changes(tmp_path):

@@ -3,8 +3,9 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from ncti.evaluate import accuracy_by_aspect, score
+from ncti.evaluate import accuracy_by_aspect, paired_difference, score
 
 ASPECTS = [0, 3, 40, 80]
 RIGHT = np.array([[True, True, False, False], [True, False, False, True]])
@@ -45,3 +46,16 @@ def test_scores_are_a_confusion_and_its_picture():
     drawn = scores.accuracy.plot()
     assert drawn.get_ylabel() == "correct answers [%]"
     mpl.pyplot.close("all")
+
+
+def test_differences_of_two_classifiers_are_labelled_so():
+    first, second = np.ones((2, 1, 1, 20), dtype=bool)
+    second = second & (np.arange(20) < 5)
+    difference = paired_difference(first, second, np.full(20, 45.0), confidence=0.9)
+    assert difference.fraction[-1] == -0.75
+    table = difference.to_xarray()
+    assert table.fraction.long_name == "difference of correct answers"
+    assert table.ci_low.long_name == "lower end of the 90 % interval"
+    ax = difference.plot(Figure().subplots())
+    assert ax.get_ylim()[0] < 100 * difference.ci_low[-1] and "points" in ax.get_ylabel()
+    assert "difference [points]" in difference._repr_html_()

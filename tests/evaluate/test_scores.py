@@ -34,12 +34,18 @@ def test_bins_beyond_the_beam_mirror_those_ahead():
 @given(st.lists(st.floats(0.0, 360.0), min_size=1, max_size=20, unique=True), st.data())
 def test_an_aspects_bin_does_not_depend_on_the_others(aspects, data):
     chosen = data.draw(st.lists(st.sampled_from(aspects), min_size=1, unique=True))
-    _, index = aspect_bins(aspects)
+    labels, index = aspect_bins(aspects)
+    assert len({*labels}) == len(labels)
     _, index_of_chosen = aspect_bins(chosen)
     numbers = index[[aspects.index(aspect) for aspect in chosen]]
     np.testing.assert_array_equal(index_of_chosen, np.unique(numbers, return_inverse=True)[1])
     order = np.argsort(aspects)
     assert np.all(np.diff(index[order]) >= 0)
+
+
+def test_bins_of_aspects_that_round_alike_have_names_of_their_own():
+    assert aspect_bins([29.96, 30.02])[0] == ("29.96", "30.02")
+    assert aspect_bins([0.0, 29.96, 30.04, 60.0])[0] == ("0-30", "30", "60")
 
 
 def test_an_edge_missed_by_rounding_is_the_edge():

@@ -207,7 +207,7 @@ def _plane(image, flown):
         ("looks is 200000", {"looks": np.full((9, 32), 200_000)}),
         ("threshold is -1.0", {"threshold": -1.0}),
         ("threshold has shape", {"threshold": np.ones(2)}),
-        ("range_ has shape", {"seen": np.zeros(3)}),
+        ("range has shape", {"seen": np.zeros(3)}),
         ("down_range has shape", {"profiled": np.zeros(3)}),
     ],
 )

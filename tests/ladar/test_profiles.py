@@ -91,6 +91,11 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
 
 
+def test_a_ratio_too_large_for_any_receiver_is_refused():
+    with pytest.raises(ValueError, match=r"extinction is 0\.1 dB/m, but must be such .* 200 dB"):
+        ladar.carrier_to_noise(50e3, extinction=0.1)
+
+
 def test_carrier_to_noise_of_a_filled_beam():
     assert ladar.carrier_to_noise(1e5) == pytest.approx(10**3.2)
     assert ladar.carrier_to_noise(50e3) == pytest.approx(4 * 10**3.2)

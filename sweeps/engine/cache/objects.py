@@ -211,7 +211,8 @@ class Objects:
     def delete_unfinished(self) -> None:
         """Delete the unfinished files of killed writers in a folder."""
         for file in self.path.rglob("*#[0-9]*") if isinstance(self.path, Path) else ():
-            file.unlink(missing_ok=True)
+            if not file.is_dir():  # of a variable with such a name
+                file.unlink(missing_ok=True)
 
     def remove_empty_folders(self) -> None:
         """Remove a folder and the folders in it if they are empty."""

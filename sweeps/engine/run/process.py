@@ -91,7 +91,9 @@ def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]
             with suppress(OSError):
                 function()
 
-    thread = threading.Thread(target=repeat, name="lease", daemon=True)
+    thread = threading.Thread(
+        target=repeat, name=getattr(function, "__name__", "repeat"), daemon=True
+    )
     thread.start()
     try:
         yield

@@ -212,9 +212,9 @@ class ArrayGroup:
 
 
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
-    """Return a shape of chunks of at most `CHUNK_BYTES`, uncut along the last `whole` axes.
+    """Return a shape of chunks of at most `CHUNK_BYTES`, or as large as the last `whole` axes.
 
-    The last axes are uncut. One axis before them is cut into parts that do not depend on its
+    These are never cut. One axis before them is cut into parts that do not depend on its
     length, so that further values leave other chunks unchanged. Axes before it are cut into 1.
     """
     chunks: list[int] = []

@@ -257,7 +257,8 @@ def _write_remotely(
     try:
         while True:
             raise_if_stopped()
-            for number, batch in islice(batches, 2 * writers.worker_count - under_way):
+            free_places = max(0, 2 * writers.worker_count - under_way)  # workers may have left
+            for number, batch in islice(batches, free_places):
                 sent = [
                     (chunk.name, chunk.array.worker_part(chunk.region), chunk.region)
                     for chunk in batch
