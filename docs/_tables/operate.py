@@ -21,7 +21,7 @@ from ncti.render import LineImage
 from studies.operate import (
     ProfileMatch,
     Radar,
-    Seen,
+    ViewExtents,
     draw_views,
     fleet_order,
     planned_views,
@@ -167,7 +167,7 @@ def compare_likelihoods(
     return {name: ships_named == true for name, ships_named in answers.items()}
 
 
-def _signatures(seen: Seen, setting: Setting, learned: int) -> dict[str, NDArray[Any]]:
+def _signatures(seen: ViewExtents, setting: Setting, learned: int) -> dict[str, NDArray[Any]]:
     options: dict[str, Any] = {"bin_width": 1.0, "bins": 250, "learned": learned}
     return signatures(
         seen, pulse_width=[setting.pulse_width * 1e-9], cnr=[setting.ratio], **options

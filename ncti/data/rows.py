@@ -19,7 +19,7 @@ from ncti.data.draws import Bounds, sampler, uniform_numbers
 from ncti.data.views import (
     IFOV_OFFSET,
     ROW_STREAM,
-    SENSORS,
+    SENSOR_SETS,
     VIEW,
     VIEW_STREAM,
     Arrays,
@@ -325,7 +325,7 @@ def _names(ships: Sequence[Ship]) -> list[str]:
 def _check_views(recipe: Recipe, drawn: Arrays) -> None:
     """Raise `ValueError` for too narrow a beam, or a window without room at both its edges."""
     check_sight(float(drawn["slant_range"].min()), recipe.beam.ifov)
-    if "range" not in SENSORS[recipe.sensor]:
+    if "range" not in SENSOR_SETS[recipe.sensor]:
         return
     longest = float(drawn["pulse_width"].max())
     for ship in recipe.ships:
@@ -423,13 +423,13 @@ def _labelled_rows(recipe: Recipe, arrays: Arrays, rows_per_view: int) -> xr.Dat
     }
     rows = dict(ROWS)
     coords: dict[str, Any] = {}
-    if "range" in SENSORS[recipe.sensor]:
+    if "range" in SENSOR_SETS[recipe.sensor]:
         attributes["target_free_ifovs"] = recipe.target_free_ifovs
         bins = bin_centres(beam.window, beam.bin_width)
         coords["down_range"] = labelled_array("down_range", bins, "m", "down-range")
     else:
         rows = {name: meaning for name, meaning in ROWS.items() if name not in RADAR_COORDINATES}
-    if "infrared" in SENSORS[recipe.sensor]:
+    if "infrared" in SENSOR_SETS[recipe.sensor]:
         attributes |= {**vars(recipe.imager), "super_resolution": recipe.super_resolution}
         angle, radius = map_cells()
         coords["angle"] = labelled_array("angle", angle, "degree", "angle about the centroid")

@@ -24,7 +24,7 @@ DRAWS = ("replicate", "phase")  # dimensions over independent draws of one condi
 ROW_TYPES = {"frames": np.int64, "ship": np.intp, "silhouette": np.uint8}
 """Types of numbers that a store may keep in another type."""
 
-SPLITS = ("train", "learned", "test", "unknown")
+STORE_SPLITS = ("train", "learned", "test", "unknown")
 CLASSIFIERS = "classification/{}"  # groups of their answers
 KEEP_FLOOR = ("likelihood", "mnn")  # classifiers that take averages, floor included
 
@@ -39,7 +39,7 @@ class Signatures(NamedTuple):
     dimension: str
 
 
-SENSORS = {
+LAYOUTS = {
     "range_profile": Signatures("expected", "averaged", "profile", ("down_range",), "pulse_width"),
     "infrared": Signatures(
         "template_log_polar", "log_polar", "silhouette", ("angle", "radius"), "super_resolution"
@@ -104,7 +104,7 @@ def load_xy(
     Traceback (most recent call last):
     ValueError: store is 'no.zarr', which does not exist
     """
-    require_word("split", split, SPLITS)
+    require_word("split", split, STORE_SPLITS)
     if has_rows(store):
         if split != "train":
             raise ValueError(f"split is {split!r}, but a store of rows has no splits; omit it")
@@ -119,7 +119,7 @@ def load_xy(
     group = _open_group(store, sensor)
     if group is None:
         raise ValueError(f"classifier_group is {classifier_group!r}, but the store lacks {sensor}")
-    layout = SENSORS[sensor]
+    layout = LAYOUTS[sensor]
     views = _select_views(group, where)
     if views.learned.ndim > 1:
         spacing = next(str(dim) for dim in views.learned.dims if dim != "aspect")
@@ -209,7 +209,7 @@ def has_rows(store: str | Path) -> bool:
 
 def ships_of(store: str | Path) -> list[str]:
     """Return the names of a store's ships, known or not."""
-    return next(_open_groups(store, (*ROWS, *SENSORS))).ship.values.astype(str).tolist()
+    return next(_open_groups(store, (*ROWS, *LAYOUTS))).ship.values.astype(str).tolist()
 
 
 def pieces_of(store: str | Path) -> dict[int, int]:
@@ -302,19 +302,19 @@ def _sensor(store: str | Path, classifier: str | None) -> str:
     """Return the group of the sensor whose signatures a classifier takes."""
     if classifier is None:
         return next(
-            (name for name in SENSORS if _open_group(store, name) is not None), "range_profile"
+            (name for name in LAYOUTS if _open_group(store, name) is not None), "range_profile"
         )
-    if classifier in SENSORS:
+    if classifier in LAYOUTS:
         return classifier
     answers = _open_group(store, CLASSIFIERS.format(classifier.removeprefix(CLASSIFIERS[:-2])))
     sensors = [
         name
-        for name, layout in SENSORS.items()
+        for name, layout in LAYOUTS.items()
         if answers is not None and layout.dimension in answers.coords
     ]
     if len(sensors) != 1:
         raise ValueError(
-            f"classifier_group is {classifier!r}, but must be {' or '.join(SENSORS)}, or a "
+            f"classifier_group is {classifier!r}, but must be {' or '.join(LAYOUTS)}, or a "
             "classifier of the store that takes one of them"
         )
     return sensors[0]

@@ -40,7 +40,7 @@ IFOV_OFFSET = ("right", "up")
 VIEW_STREAM, ROW_STREAM, SPECKLE_STREAM, IMAGE_STREAM = range(4)
 """Streams of random numbers: parameters of a view, of a row, its speckle, and its image."""
 
-SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "infrared")}
+SENSOR_SETS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "infrared")}
 """Sensors by their name in a data set."""
 
 
@@ -48,10 +48,10 @@ SENSORS = {"range": ("range",), "infrared": ("infrared",), "both": ("range", "in
 class Recipe:
     """Settings that all rows of a data set share, in any process.
 
-    `ships` are names, paths or meshes, and `sensor` is a word of `SENSORS`. Each frame accumulates
-    `target_free_ifovs` besides the ship's. The imager's pixels are as wide as the IFOVs. Lines are
-    `spacing` [m] apart, and `far_field_error` [1] is the largest error of drawing the far field in
-    place of a slant range. `expected` asks for expected profiles, too.
+    `ships` are names, paths or meshes, and `sensor` is a word of `SENSOR_SETS`. Each frame
+    accumulates `target_free_ifovs` besides the ship's. The imager's pixels are as wide as the
+    IFOVs. Lines are `spacing` [m] apart, and `far_field_error` [1] is the largest error of drawing
+    the far field in place of a slant range. `expected` asks for expected profiles, too.
     """
 
     ships: tuple[Ship, ...]
@@ -66,7 +66,7 @@ class Recipe:
     expected: bool
 
     def __post_init__(self) -> None:
-        require_word("sensor", self.sensor, SENSORS)
+        require_word("sensor", self.sensor, SENSOR_SETS)
         require_word("super_resolution", self.super_resolution, SUPER_RESOLUTIONS)
         require_instance("imager", self.imager, Imager)
         bins_of(self.beam.window, self.beam.bin_width)
@@ -111,9 +111,9 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
             )
         parameters = {name: values[rows] for name, values in drawn.items()}
         signatures: Arrays = {}
-        if "range" in SENSORS[recipe.sensor]:
+        if "range" in SENSOR_SETS[recipe.sensor]:
             signatures |= profiles(recipe, image, slant_range, parameters)
-        if "infrared" in SENSORS[recipe.sensor]:
+        if "infrared" in SENSOR_SETS[recipe.sensor]:
             signatures["silhouette"] = silhouettes(recipe, image, slant_range, parameters)
         yield signatures
 

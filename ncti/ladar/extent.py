@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 REFERENCE_BIN = 1.0  # m; the range bin for which the article states its beta-hat
 MAX_SLANT_RANGE = 1e15  # m; the square of a longer slant range would leave float64
-MAX_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
+MAX_WINDOW_BINS = 2**22  # range bins of a window: 4 km in bins of 1 mm
 MAX_SHIFT = 1e6  # IFOVs; positions within an IFOV then keep a precision of 1e-10
 
 
@@ -412,7 +412,7 @@ def _far_field_error(image: RangeImage | LineImage, reach: float, slant_range: f
 def bins_of(window: float, bin_width: float) -> tuple[float, int]:
     """Return half the length of the range window [m] and its number of bins."""
     require("window", window, positive=True)
-    require("bin_width", bin_width, positive=True, minimum=window / MAX_BINS)
+    require("bin_width", bin_width, positive=True, minimum=window / MAX_WINDOW_BINS)
     bin_count = max(1, round(window / bin_width))
     return bin_count * bin_width / 2, bin_count
 

@@ -21,7 +21,7 @@ MIN_BINS = 2.0
 # Outside these limits [s] the square of N_z leaves float64.
 MIN_PULSE_WIDTH, MAX_PULSE_WIDTH = 1e-15, 1.0
 REMAINDER = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
-MAX_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
+MAX_KERNEL_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
 def shortest_pulse(bin_width: float) -> float:
@@ -53,10 +53,10 @@ class Pulse:
         """Raise `ValueError` if the kernel of so many bins exceeds float64 or memory."""
         require("pulse_width", self.width, minimum=MIN_PULSE_WIDTH, maximum=MAX_PULSE_WIDTH)
         require("bin_width", self.bin_width, positive=True)
-        if bin_count > MAX_BINS:
+        if bin_count > MAX_KERNEL_BINS:
             raise ValueError(
                 f"bin_width is {self.bin_width!r} m, which makes {bin_count} range bins, but must "
-                f"be so wide that there are at most {MAX_BINS}"
+                f"be so wide that there are at most {MAX_KERNEL_BINS}"
             )
 
 

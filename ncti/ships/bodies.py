@@ -89,7 +89,7 @@ class Body:
 
 
 @dataclass
-class Workshop:
+class RepairContext:
     """Name and units of a mesh for messages, and the faults corrected so far."""
 
     where: str  # name of the mesh in messages
@@ -123,7 +123,7 @@ def closed_bodies(
     surface, and any below the waterline. Faults are text, as "1 of 2 bodies inside out". Refuses
     (`ShipError`) a mesh that is open or has a side that is both inner and outer.
     """
-    work = Workshop(where, locate, repair)
+    work = RepairContext(where, locate, repair)
     surface = surface_of(vertices, _align_winding(vertices, np.asarray(faces, np.int64), work))
     if surface.open_edges.size:
         surface = _weld(surface, work)
@@ -158,7 +158,7 @@ def _split_pinches(body: Body, where: str) -> Body:
     return Body(corners.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]))
 
 
-def _align_winding(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
+def _align_winding(vertices: Floats, faces: Faces, work: RepairContext) -> Faces:
     """Return facets wound alike within each body, reversing the minority."""
     first, second, opposed = neighbours(len(vertices), faces)
     if opposed.all():
@@ -188,7 +188,7 @@ def _align_winding(vertices: Floats, faces: Faces, work: Workshop) -> Faces:
     return np.where(is_reversed[:, None], faces[:, ::-1], faces)
 
 
-def _weld(surface: Surface, work: Workshop) -> Surface:
+def _weld(surface: Surface, work: RepairContext) -> Surface:
     """Return a surface welded along open edges, or unchanged if welding makes it one-sided.
 
     Welding may fold slivers beside an opening onto each other.
@@ -202,7 +202,7 @@ def _weld(surface: Surface, work: Workshop) -> Surface:
     return closer if faces is closer.faces else surface_of(closer.vertices, faces)
 
 
-def _close_openings(surface: Surface, work: Workshop) -> Surface:
+def _close_openings(surface: Surface, work: RepairContext) -> Surface:
     """Return a split surface with its openings closed; refuse openings that may not be closed."""
     corner, edges = surface.faces.ravel(), surface.open_edges
     rim, ends = np.unique([corner[edges], corner[next_edges(edges)]], return_inverse=True)
@@ -226,7 +226,7 @@ def _close_openings(surface: Surface, work: Workshop) -> Surface:
 
 
 def _describe_openings(
-    surface: Surface, holes: Openings, wide: NDArray[np.int64], work: Workshop
+    surface: Surface, holes: Openings, wide: NDArray[np.int64], work: RepairContext
 ) -> str:
     """Describe the openings in words; refuse the surface if they may not be closed."""
     areas, loops = holes.areas[wide], [holes.loops[number] for number in wide]
@@ -254,7 +254,7 @@ def _describe_openings(
 
 
 def _distinct_bodies(
-    faces: Faces, members: list[NDArray[np.int64]], work: Workshop
+    faces: Faces, members: list[NDArray[np.int64]], work: RepairContext
 ) -> list[NDArray[np.int64]]:
     """Return the facets of each distinct body."""
     if len(members) == 1:
@@ -268,7 +268,7 @@ def _distinct_bodies(
     return list(known.values())
 
 
-def _orient_outward(bodies: list[Body], work: Workshop) -> list[Body]:
+def _orient_outward(bodies: list[Body], work: RepairContext) -> list[Body]:
     """Return bodies turned outward, each with its cavities, followed by flat bodies."""
     solids, flat = [body for body in bodies if body.volume], [b for b in bodies if not b.volume]
     inverse = sum(body.volume for body in solids) < 0

@@ -25,10 +25,10 @@ from ncti.ships.orientation import Diagnosis
 from ncti.ships.perturbation import (
     MAX_SIGMA_SCALE,
     MIN_SIGMA_SCALE,
-    Carriage,
+    SupportTree,
     Variant,
     build_variant,
-    carriage,
+    support_tree,
     variant_error,
 )
 from ncti.ships.shape import ShipMesh
@@ -460,8 +460,10 @@ def _ship_solid(
 def _build_ship(source: _Source) -> Ship:
     if source.variant is None:
         return build(_parse_sheet(source))
-    sheet, carriage = _sheet_and_carriage(replace(source, name=source.variant.base, variant=None))
-    return build_variant(sheet, carriage, source.variant)
+    sheet, support_tree = _sheet_and_supports(
+        replace(source, name=source.variant.base, variant=None)
+    )
+    return build_variant(sheet, support_tree, source.variant)
 
 
 def _parse_sheet(source: _Source) -> sheets.Sheet:
@@ -473,9 +475,9 @@ def _parse_sheet(source: _Source) -> sheets.Sheet:
 
 
 @lru_cache(maxsize=8)
-def _sheet_and_carriage(source: _Source) -> tuple[sheets.Sheet, Carriage]:
+def _sheet_and_supports(source: _Source) -> tuple[sheets.Sheet, SupportTree]:
     sheet = _parse_sheet(source)
-    return sheet, carriage(sheet)
+    return sheet, support_tree(sheet)
 
 
 def _packaged_sheet(name: str) -> bytes:

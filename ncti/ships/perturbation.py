@@ -1,7 +1,7 @@
 """Variants of ships: sheets perturbed within their stated uncertainty.
 
 Components that touch in a sheet must touch in its variants. So one warp moves the sheet's whole
-space first, and components then move on their carriers. A variant is built like any sheet.
+space first, and components then move with their supports. A variant is built like any sheet.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MODES = 6  # half waves along the ship of the displacement common to its parts
 SHEER_MODES = 2  # of heights, so that a component on two neighbours still stands on both
 FULL_SIGMA_HEIGHT = 10.0  # height [m] from which heights vary by their full sigma
 OFFSET_SIGMA = 0.03  # sigma of half-breadths, relative: 0.2 m of generic lines
-MIN_CONTACT = 0.5  # share of its contact with its carrier that a moved component keeps, at least
+MIN_CONTACT = 0.5  # share of its contact with its support that a moved component keeps, at least
 HALVINGS = 5
 
 # Sizes along x, y and z of primitives that stretch with the space about them. Equipment does not,
@@ -39,7 +39,7 @@ HALVINGS = 5
 LENGTH_KEYS = ("length", "top_length", "top_shift")
 BREADTH_KEYS = ("width", "top_width")
 STRETCHED = ("box", "prism", "poly", "lattice", "recess", "step", "yard", "cyl", "pole")
-# Sizes of a component which carries nothing have an error of their own.
+# Sizes of a component that supports nothing have an error of their own.
 SIZE_KEYS = ("length", "width", "height", "top_length", "top_width", "radius", "top_radius")
 RESIZED = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
@@ -102,37 +102,37 @@ class Variant:
 
 
 @dataclass(frozen=True, eq=False)
-class Carriage:
-    """Tree over the components of a sheet by which each carries others; the hull is its root.
+class SupportTree:
+    """Tree of the components of a sheet, each on the one that supports it; the hull is its root.
 
-    `order` has the numbers of all components, each after its carrier; `carrier` the number of each
-    component's carrier, -1 for the hull; `contact` the volume that each copy shares with it [m^3].
+    `order` has the numbers of all components, each after its support; `support` the number of each
+    component's support, -1 for the hull; `contact` the volume that each copy shares with it [m^3].
     """
 
     order: tuple[int, ...]
-    carrier: tuple[int, ...]
+    support: tuple[int, ...]
     contact: tuple[Floats, ...]
 
     def ancestors(self) -> tuple[int, ...]:
         """Return for each component its ancestor, or itself, that stands on the hull."""
-        feet = list(range(len(self.order)))
+        roots = list(range(len(self.order)))
         for number in self.order:
-            if self.carrier[number] >= 0:
-                feet[number] = feet[self.carrier[number]]
-        return tuple(feet)
+            if self.support[number] >= 0:
+                roots[number] = roots[self.support[number]]
+        return tuple(roots)
 
     def sigmas(self, sheet: Sheet) -> Floats:
-        """Return the least sigma of each component and of all that it carries [m]."""
+        """Return the least sigma of each component and of all that it supports [m]."""
         smallest = np.array([component.sigma for component in sheet.components])
         for number in reversed(self.order):
-            carrier = self.carrier[number]
-            if carrier >= 0:
-                smallest[carrier] = min(smallest[carrier], smallest[number])
+            support = self.support[number]
+            if support >= 0:
+                smallest[support] = min(smallest[support], smallest[number])
         return smallest
 
 
 def _shared_volumes(copies: list[Manifold], bearers: list[Manifold]) -> Floats:
-    """Return the volume that each copy has in common with its carrier [m^3]."""
+    """Return the volume that each copy has in common with its support [m^3]."""
     return np.array([sum((copy ^ bearer).volume() for bearer in bearers) for copy in copies])
 
 
@@ -142,11 +142,11 @@ def _bounds(solids: list[Manifold]) -> Floats:
     return np.array([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
 
 
-def carriage(sheet: Sheet) -> Carriage:
-    """Return the carriers of a ship's components by their strongest contacts.
+def support_tree(sheet: Sheet) -> SupportTree:
+    """Return the supports of a ship's components by their strongest contacts.
 
     They form the maximum spanning tree by common volume, grown from the hull (Prim's algorithm).
-    Cuts carry nothing. The hull carries a component that touches nothing.
+    Cuts support nothing. The hull supports a component that touches nothing.
     """
     count = len(sheet.components)
     solids = [copies_of(sheet, component) for component in sheet.components]
@@ -160,7 +160,7 @@ def carriage(sheet: Sheet) -> Carriage:
             return np.zeros(len(solids[number]))
         return _shared_volumes(solids[number], solids[other])
 
-    carrier, contact = [-1] * count, [shared_volume(number, -1) for number in range(count)]
+    support, contact = [-1] * count, [shared_volume(number, -1) for number in range(count)]
     remaining, order = set(range(count)), []
     while remaining:
         best = max(remaining, key=lambda number: (contact[number].sum(), -number))
@@ -171,8 +171,8 @@ def carriage(sheet: Sheet) -> Carriage:
         for number in remaining:
             volumes = shared_volume(number, best)
             if volumes.sum() > contact[number].sum():
-                carrier[number], contact[number] = best, volumes
-    return Carriage(tuple(order), tuple(carrier), tuple(contact))
+                support[number], contact[number] = best, volumes
+    return SupportTree(tuple(order), tuple(support), tuple(contact))
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +281,7 @@ def _stretch(component: Component, warp: _Warp, column: float) -> tuple[float, f
 def _warp_component(component: Component, warp: _Warp, column: float) -> Component:
     """Return a component moved and stretched by the warp.
 
-    `column` is the place along the ship [m] of its carrier on the hull: the warp there moves
+    `column` is the place along the ship [m] of its support on the hull: the warp there moves
     heights and breadths, so that stacked components stay stacked.
     """
     (x, y, z), sizes = component.at, dict(component.sizes)
@@ -345,13 +345,13 @@ def _resize_component(component: Component, factor: float, beam: float) -> Compo
 
 
 def perturb_sheet(
-    sheet: Sheet, carriage: Carriage, *, rng: np.random.Generator, scale: float
+    sheet: Sheet, support_tree: SupportTree, *, rng: np.random.Generator, scale: float
 ) -> Sheet:
     """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
     Hull length, beam and components stay; the draw is the same for any scale. The sheet need not
     build: thin contacts may be torn apart. A component's own move is halved until each of its
-    copies keeps half of its contact with its carrier and none reaches farther out than the hull, or
+    copies keeps half of its contact with its support and none reaches farther out than the hull, or
     than it did; after some halvings there is none. Refuses (`ShipError`) a warp that folds the
     hull.
     """
@@ -361,21 +361,21 @@ def perturb_sheet(
         raise ShipError(f"{sheet.name}: a warp of scale {scale:g} folds the hull.")
     warped = replace(sheet, hull=warp.lines())
     hull = [warped.hull.solid()]
-    sigma, feet = scale * carriage.sigmas(sheet), carriage.ancestors()
+    sigma, roots = scale * support_tree.sigmas(sheet), support_tree.ancestors()
     places = np.clip(rng.standard_normal((len(sigma), 2)), -MAX_SIGMAS, MAX_SIGMAS)
     places[:, 1] *= ACROSS_RATIO
     sizes = np.clip(rng.standard_normal(len(sigma)), -MAX_SIGMAS, MAX_SIGMAS)
     moves, components, solids = np.zeros((len(sigma), 2)), list(sheet.components), {-1: hull}
 
     def place(number: int, move: Floats) -> Component:
-        component, column = sheet.components[number], _midpoint(sheet.components[feet[number]])
-        plan = move if feet[number] == number else moves[feet[number]]
+        component, column = sheet.components[number], _midpoint(sheet.components[roots[number]])
+        plan = move if roots[number] == number else moves[roots[number]]
         # Rise of the deck from the place that the warp alone gives the foot to its final place.
         _, before = sheet.hull.deck_edge(column)
         _, after = warped.hull.deck_edge(warp.x(column) + plan[0])
         rise = float(after - warp.z(column, before))
         changed = _move_component(_warp_component(component, warp, column), np.array([*move, rise]))
-        if number not in carriage.carrier and component.prim in RESIZED:
+        if number not in support_tree.support and component.prim in RESIZED:
             factor = float(np.exp(scale * component.size_sigma * sizes[number]))
             changed = _resize_component(changed, factor, 2 * sheet.hull.stations[:, 2].max())
         return changed
@@ -385,13 +385,13 @@ def perturb_sheet(
         reach = _bounds(copies)[:, :2]
         if (reach[0] < low).any() or (reach[1] > high).any():
             return False
-        contact = _shared_volumes(copies, solids[carriage.carrier[number]])
-        return bool((contact >= MIN_CONTACT * carriage.contact[number]).all())
+        contact = _shared_volumes(copies, solids[support_tree.support[number]])
+        return bool((contact >= MIN_CONTACT * support_tree.contact[number]).all())
 
-    for number in carriage.order:
-        component, carrier = sheet.components[number], carriage.carrier[number]
-        base = moves[carrier] if carrier >= 0 else np.zeros(2)
-        below = max(common, sigma[carrier]) if carrier >= 0 else common
+    for number in support_tree.order:
+        component, support = sheet.components[number], support_tree.support[number]
+        base = moves[support] if support >= 0 else np.zeros(2)
+        below = max(common, sigma[support]) if support >= 0 else common
         shift = places[number] * max(0.0, sigma[number] ** 2 - below**2) ** 0.5
         if _is_amidships(component):
             base, shift = base * [1, 0], shift * [1, 0]
@@ -406,12 +406,12 @@ def perturb_sheet(
             shift = next(fitting, np.zeros(2))
         moves[number] = base + shift
         components[number] = place(number, moves[number])
-        if number in carriage.carrier:
+        if number in support_tree.support:
             solids[number] = copies_of(warped, components[number])
     return replace(warped, components=tuple(components))
 
 
-def build_variant(sheet: Sheet, carriage: Carriage, variant: Variant) -> Ship:
+def build_variant(sheet: Sheet, support_tree: SupportTree, variant: Variant) -> Ship:
     """Return the ship of the first attempt that builds; `ShipError` if none does.
 
     Ship, seed, number and attempt key the stream of an attempt.
@@ -419,7 +419,7 @@ def build_variant(sheet: Sheet, carriage: Carriage, variant: Variant) -> Ship:
     for attempt in range(MAX_DRAWS):
         try:
             rng = variant.stream(attempt)
-            ship = build(perturb_sheet(sheet, carriage, rng=rng, scale=variant.scale))
+            ship = build(perturb_sheet(sheet, support_tree, rng=rng, scale=variant.scale))
         except ShipError:
             continue
         size = variant.size

@@ -13,16 +13,16 @@ from studies.operate.identify import (
 from studies.operate.matching import log_evidence, ship_evidence
 from studies.operate.profiles import ProfileMatch, Radar, signatures
 from studies.operate.silhouettes import SilhouetteMatch, silhouettes
-from studies.operate.survey import Seen, draw_views, random_views, seen_views
+from studies.operate.survey import ViewExtents, draw_views, random_views, seen_views
 from studies.operate.tables import frames_needed, tabulate_cheapest, tabulate_frames
 
 __all__ = [
     "CHANNELS",
     "ProfileMatch",
     "Radar",
-    "Seen",
     "SilhouetteMatch",
     "Trial",
+    "ViewExtents",
     "bootstrap_uniforms",
     "draw_views",
     "fleet_order",

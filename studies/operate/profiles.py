@@ -16,7 +16,7 @@ from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import Pulse, noise_by_lag, noise_covariance, target_response
 from studies.operate.matching import log_evidence
-from studies.operate.survey import Seen
+from studies.operate.survey import ViewExtents
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -43,7 +43,7 @@ class Radar:
 
 
 def signatures(
-    seen: Seen,
+    seen: ViewExtents,
     *,
     pulse_width: Sequence[float],
     cnr: Sequence[float],
@@ -89,7 +89,7 @@ def signatures(
 
 
 def _after_pulse(
-    seen: Seen, pulse_width: float, bin_width: float, bins: int
+    seen: ViewExtents, pulse_width: float, bin_width: float, bins: int
 ) -> tuple[Indices, Floats]:
     """Return the power of every IFOV in its bins, and their flat indices in (view, bin)."""
     from scipy.sparse import csr_array, diags_array

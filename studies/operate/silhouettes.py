@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from ncti.checks import require, require_shape
 from ncti.infrared.imager import Imager
 from studies.operate.matching import fit_inverse_temperature, log_evidence
-from studies.operate.survey import Seen
+from studies.operate.survey import ViewExtents
 
 Singles = NDArray[np.float32]
 
 
 def silhouettes(
-    seen: Seen,
+    seen: ViewExtents,
     *,
     footprint: float,
     coverage_rule: float,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ncti.infrared import footprint
 from studies import operate as library
-from studies.operate import Seen, tables
+from studies.operate import ViewExtents, tables
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
@@ -92,7 +92,7 @@ def operate_footprint(slant_range: float, ifov: float) -> float:
 BINS = {name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
 
 
-@stage(  # arrays of a `Seen`
+@stage(  # arrays of a `ViewExtents`
     Output("fraction", ("sample",)),
     Output("range_bin", ("sample",), "i2"),
     Output("samples", ("seen",), "i4"),
@@ -130,7 +130,7 @@ def operate_signatures(
 ) -> Arrays:
     """Return expected profiles of a ship above the floor, and the power of its tests."""
     return library.signatures(
-        restore(Seen, operate_seen),
+        restore(ViewExtents, operate_seen),
         pulse_width=pulse_width,
         cnr=[cnr_at_range.function(range, decibels, cnr_range, extinction) for decibels in cnr],
         bin_width=bin_width,
@@ -153,7 +153,7 @@ def operate_signatures(
 )
 def operate_shown(operate_seen: Arrays, **window: Any) -> Arrays:
     """Return the pixels that show a ship."""
-    return library.packed(library.silhouettes(restore(Seen, operate_seen), **window))
+    return library.packed(library.silhouettes(restore(ViewExtents, operate_seen), **window))
 
 
 operate_silhouettes = in_memory(

@@ -26,7 +26,7 @@ DRAWN_FOR = 100e3
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ViewExtents:
     """Range extents of several views of a ship, without empty bins; all attributes are arrays.
 
     `fraction` (sample,) is the projected area visible in a range bin of an IFOV over the IFOV's
@@ -89,7 +89,7 @@ def seen_views(
     bin_width: float = 1.0,
     window: float = 250.0,
     reflectance: str = "projected_area",
-) -> Seen:
+) -> ViewExtents:
     """Return the range extents of several far-field views, in IFOVs of one `footprint` [m].
 
     `places` (view, 2) are those of the ship origin in its IFOV, right and up from the corner
@@ -118,7 +118,7 @@ def seen_views(
         samples.append(np.bincount(ifov, minlength=len(extent.cell)))
         cells.append(extent.cell)
         ifovs.append(len(extent.cell))
-    return Seen(
+    return ViewExtents(
         np.concatenate(fraction).astype(np.float32),
         np.concatenate(range_bins).astype(np.int16),
         np.concatenate(samples).astype(np.int32),

@@ -20,7 +20,7 @@ from ncti.ladar import RangeExtent, expected_profile, range_extent
 from ncti.render import LineImage, RangeImage, Sampling, available_engines
 from ncti.render.choice import engines
 from ncti.render.view import ROLL
-from studies.run_time.apart import call_in_process
+from studies.run_time.subprocess_call import call_in_process
 from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import (
     MEASURED,

@@ -34,7 +34,7 @@ from sweeps.engine.run.forking import check_guard
 from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped, with_signal_check
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Callbacks, Progress, Schedule
-from sweeps.engine.run.tasks import DamagedResults
+from sweeps.engine.run.tasks import DamagedResultsError
 from sweeps.engine.store.cube import Cube
 from sweeps.engine.store.locks import cache_lock, store_lock
 from sweeps.engine.store.manifest import verify
@@ -160,7 +160,7 @@ def _compute_and_write(
                     thread.submit(stack.close)
                     workers = None
                 failures += _write(schedule, options, index, callbacks, check, workers)
-            except DamagedResults as error:
+            except DamagedResultsError as error:
                 damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 message = f"{len(damaged):,} results in the cache are damaged"

@@ -47,7 +47,7 @@ from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
 if TYPE_CHECKING:
     import xarray as xr
 
-    from sweeps.engine.declare.stage import Condition, Declare, Stage, Table
+    from sweeps.engine.declare.stage import Condition, Stage, StageDecorator, Table
 
 Mask = NDArray[np.bool_]
 Integers = NDArray[np.integer]
@@ -56,7 +56,7 @@ Indices = NDArray[np.intp]
 NONE = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
-PROFILES = "profiles"  # inputs of most classifiers
+PROFILE_NOUN = "profiles"  # inputs of most classifiers
 TESTED = ("replicate", "place", "frame_count")  # and of averages
 LEFT_ALONE = "classifier.left_out has True, but must be false where {} learned: no view remains"
 UNSEEN = 1000  # seed of generated ships, apart from those of ships to be tested
@@ -411,7 +411,7 @@ def known_ships(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
 
 
 def tabulate_answers(
-    classified: xr.Dataset, choices: Choices, source: str = PROFILES
+    classified: xr.Dataset, choices: Choices, source: str = PROFILE_NOUN
 ) -> xr.Dataset:
     """Return all scores of answers by aspect bin, of ships in training.
 
@@ -419,7 +419,7 @@ def tabulate_answers(
     """
     table = tabulate_scores(known_ships(classified, choices), aspect_masks(choices), source)
     receivers = choices.values.get(Ladar.receiver.key, ())
-    one_receiver = len(receivers) == 1 and source == PROFILES
+    one_receiver = len(receivers) == 1 and source == PROFILE_NOUN
     return table.assign_attrs({"receiver": receivers[0]} if one_receiver else {})
 
 
@@ -443,7 +443,7 @@ class ClassifierGroup(Group):
 
     def answers(
         self, *outputs: Output, without: tuple[str, ...] = (), right: str = "", **how: Any
-    ) -> Declare:
+    ) -> StageDecorator:
         """Declare the stage that names ships, with any further outputs.
 
         The predicted ship does not depend on the settings `without`; `right` says what else counts.

@@ -15,7 +15,7 @@ import numpy as np
 from ncti import ladar
 from ncti.data import dataset
 from ncti.data.rows import RADAR_COORDINATES, ROWS, VARIABLES
-from ncti.data.views import SENSORS
+from ncti.data.views import SENSOR_SETS
 from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
 from ncti.infrared.loops import IMAGES
@@ -52,7 +52,7 @@ class Rows(Settings, key="dataset"):
     """Rows of a data set and the ranges of their parameters."""
 
     sensor = word(
-        "range", tuple(SENSORS), label="sensors of the data set", fixed="it shapes arrays"
+        "range", tuple(SENSOR_SETS), label="sensors of the data set", fixed="it shapes arrays"
     )
     pieces = draws(
         1, 10**6, label="pieces of rows, by number", dimension="piece", single="dimension"
@@ -92,7 +92,7 @@ class Rows(Settings, key="dataset"):
 def _has_rows_of(kind: str) -> Condition:
     """Return the condition that the data set has rows of a sensor."""
     return lambda choices: (
-        uses_sensor(SENSOR)(choices) and kind in SENSORS[choices.value(Rows.sensor)]
+        uses_sensor(SENSOR)(choices) and kind in SENSOR_SETS[choices.value(Rows.sensor)]
     )
 
 

@@ -43,7 +43,7 @@ from sweeps.stages.views import (
 
 SENSOR = RANGE
 IMPORTS = ("ncti.ladar.pixels", "ncti.ladar.waveforms", "ncti.normals")
-PROFILES = "range_profile"  # group, and name of the noise
+PROFILE_GROUP = "range_profile"  # group, and name of the noise
 VIEW = ("ship", "aspect", "pulse_width")
 MAX_DRAWN = 10_000  # target-free IFOVs per frame of receivers for which each one is drawn
 FULL = "full_profile"
@@ -112,7 +112,7 @@ def has_tolerance(choices: Choices) -> bool:
 
 
 PROFILE = Group(
-    PROFILES,
+    PROFILE_GROUP,
     uses_sensor(RANGE),
     (Grid, Ladar),
     (*VIEW, "replicate", "place", "frame_count", "range", "target_free_ifovs"),
@@ -259,7 +259,7 @@ def above_floor(expected: views.Profiles) -> Arrays:
     along=(Grid.frame_count,),
     stream=Stream(
         (Grid.ship, Grid.aspect, Grid.pulse_width, Grid.range, Ladar.target_free_ifovs),
-        PROFILES,
+        PROFILE_GROUP,
         (Grid.replicate,),  # a sweep without it draws the first
     ),
 )

@@ -242,7 +242,7 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the scores of ships that are in training and flown past."""
     known, past = classifier.known_ships(classified, choices), flown_ships(choices)
     known = known.sel(ship=[ship for ship in known.ship.values.tolist() if ship in past])
-    return tabulate_scores(known, classifier.aspect_masks(choices), classifier.PROFILES)
+    return tabulate_scores(known, classifier.aspect_masks(choices), classifier.PROFILE_NOUN)
 
 
 STAGES = (

@@ -16,8 +16,8 @@ from platformdirs import user_cache_path
 import ncti.ships
 from ncti.render.far_field import reach_of
 from ncti.ships import Transform
-from ncti.ships.ahead import build_ahead
 from ncti.ships.loading import is_built
+from ncti.ships.parallel import build_in_parallel
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.settings import CACHE_VARIABLE
 from sweeps.stages.ships import ShipName
@@ -109,7 +109,7 @@ def _build_many(ships: Sequence[str]) -> None:
     missing = [ship for ship in ships if not is_built(ship, cache=folder)]
     if len(missing) > FEW_SHIPS:
         LOG.warning("building %d ships (once)", len(missing))
-        build_ahead(missing, cache=folder, progress=_progress_of(len(missing)))
+        build_in_parallel(missing, cache=folder, progress=_progress_of(len(missing)))
 
 
 def _progress_of(count: int) -> Callable[[int], None]:

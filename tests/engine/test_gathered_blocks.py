@@ -13,7 +13,7 @@ from toys import Few, run_few
 
 from sweeps.engine.cache.packs import Locations, PackWriter, open_packs
 from sweeps.engine.declare.stage import At, Group, Output, stage
-from sweeps.engine.run.tasks import DamagedResults, GatheredArray, stage_spec
+from sweeps.engine.run.tasks import DamagedResultsError, GatheredArray, stage_spec
 
 BOTH = Group("both")
 ROWS = 20_000  # of a cell
@@ -97,6 +97,6 @@ def test_what_is_read_is_in_memory_alone(gathered):
 def test_damage_is_noticed_when_it_is_read(gathered):
     lazy, _ = gathered
     lost = replace(lazy.locations, keys=lazy.locations.keys + np.uint64(1))
-    with pytest.raises(DamagedResults) as error:
+    with pytest.raises(DamagedResultsError) as error:
         replace(lazy, locations=lost)[0, :1]
     assert error.value.args == (lost.keys[0, 0].tobytes(),)

@@ -10,7 +10,7 @@ from shipyard import barge, packaged_sheet
 
 from ncti import ships
 from ncti.ships import build, perturbation, sheets
-from ncti.ships.perturbation import Variant, build_variant, carriage, perturb_sheet
+from ncti.ships.perturbation import Variant, build_variant, perturb_sheet, support_tree
 
 DRAWS = dict.fromkeys(ships.names(), 2) | {"spruance": 10}  # a second each
 
@@ -19,7 +19,7 @@ def parsed(document) -> sheets.Sheet:
     return sheets.parse(yaml.safe_dump(document), "{}", where="barge")
 
 
-def feet(sheet: sheets.Sheet) -> np.ndarray:
+def roots(sheet: sheets.Sheet) -> np.ndarray:
     """(component, 3) middles of footprints [m]."""
     return np.array(
         [
@@ -35,7 +35,7 @@ def drawn() -> dict[str, list[sheets.Sheet]]:
     by_ship = {}
     for name in ships.names():
         sheet = packaged_sheet(name)
-        borne = carriage(sheet)
+        borne = support_tree(sheet)
         by_ship[name] = [
             perturb_sheet(sheet, borne, rng=Variant(name, 0, number).stream(0), scale=1.0)
             for number in range(1, DRAWS[name] + 1)
@@ -62,7 +62,7 @@ def test_places_are_within_their_uncertainty(drawn, name) -> None:
     """Two parts, each cut off at two sigma, and variances that add up to one of one at most."""
     sheet = packaged_sheet(name)
     sigma = np.array([c.sigma for c in sheet.components])[:, None] * [1, 0.5, 0.7]
-    moved = np.array([feet(variant) - feet(sheet) for variant in drawn[name]]) / sigma
+    moved = np.array([roots(variant) - roots(sheet) for variant in drawn[name]]) / sigma
     assert np.abs(moved[..., 0]).max() <= 2 * np.sqrt(2)
     assert np.sqrt((moved[..., :1] ** 2).mean()) <= 1
     # Heights follow the deck on which a part is put, breadths its edge: another sigma at most.
@@ -82,14 +82,14 @@ def test_uncertainty_is_used(drawn) -> None:
     """What stands on the deck by itself, an E line of 1.5 m, moves by most of that."""
     sheet = packaged_sheet("spruance")
     number = [c.name for c in sheet.components].index("capstans/windlass")
-    x = [feet(variant)[number, 0] for variant in drawn["spruance"]]
+    x = [roots(variant)[number, 0] for variant in drawn["spruance"]]
     # The deviation of ten draws is within 0.5 to 1.5 of that of all at a level of 2 %.
     assert 0.5 * 1.5 * 0.8 < np.std(x) < 1.5 * 1.5
 
 
 def test_variants_are_distinct(drawn) -> None:
     for variants in drawn.values():
-        places = np.array([feet(variant)[:, 0] for variant in variants])
+        places = np.array([roots(variant)[:, 0] for variant in variants])
         distance = np.sqrt(((places[:, None] - places[None]) ** 2).mean(axis=-1))
         assert distance[~np.eye(len(variants), dtype=bool)].min() > 0.3
 
@@ -107,9 +107,9 @@ def test_same_ship_from_any_cache_and_count(tmp_path) -> None:
 
 def test_small_scale_is_the_ship_itself() -> None:
     sheet = packaged_sheet("duncan")
-    borne, variant = carriage(sheet), Variant("duncan", 0, 1)
+    borne, variant = support_tree(sheet), Variant("duncan", 0, 1)
     near, far = (
-        feet(perturb_sheet(sheet, borne, rng=variant.stream(0), scale=scale)) - feet(sheet)
+        roots(perturb_sheet(sheet, borne, rng=variant.stream(0), scale=scale)) - roots(sheet)
         for scale in (1e-3, 2e-3)
     )
     assert np.abs(near).max() < 0.01
@@ -136,7 +136,7 @@ def test_symmetric_ship_stays_symmetric() -> None:
     sheet = parsed(document)
     mirrored = build.build(sheet)
     for number in (1, 2, 3):
-        ship = build_variant(sheet, carriage(sheet), Variant("barge", 0, number, 0.3))
+        ship = build_variant(sheet, support_tree(sheet), Variant("barge", 0, number, 0.3))
         for built in (mirrored, ship):
             low, high = built.vertices.min(axis=0)[1], built.vertices.max(axis=0)[1]
             assert low == pytest.approx(-high, abs=1e-6)
@@ -147,12 +147,12 @@ def test_symmetric_ship_stays_symmetric() -> None:
 def test_a_part_goes_with_what_carries_it() -> None:
     """The tree of a packaged sheet, and an antenna on its platform, on its mast, on its house."""
     sheet = packaged_sheet("duncan")
-    borne = carriage(sheet)
+    borne = support_tree(sheet)
     names = [c.name for c in sheet.components]
     number, chain = names.index("Mk 92 CAS egg radome"), []
     while number >= 0:
         chain.append(names[number])
-        number = borne.carrier[number]
+        number = borne.support[number]
     assert chain == [
         "Mk 92 CAS egg radome",
         "CAS tower platform",
@@ -180,7 +180,7 @@ def test_tag_says_what_a_line_does_not() -> None:
 def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
     """The third draw is built, of its own stream, where the first two do not build."""
     sheet = parsed(barge())
-    borne, variant = carriage(sheet), Variant("barge", 0, 1, 0.3)
+    borne, variant = support_tree(sheet), Variant("barge", 0, 1, 0.3)
     drawn = []
 
     def build_third(perturbed_sheet):
@@ -193,7 +193,7 @@ def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
     ship = build_variant(sheet, borne, variant)
     third = perturb_sheet(sheet, borne, rng=variant.stream(2), scale=variant.scale)
     np.testing.assert_array_equal(ship.vertices, build.build(third).vertices)
-    assert not np.array_equal(feet(drawn[0]), feet(drawn[1]))
+    assert not np.array_equal(roots(drawn[0]), roots(drawn[1]))
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ class Group:
     status: Status | None = None  # None: every stage has a status of its own
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
 
-    def stage(self, *outputs: Output, **how: Any) -> Declare:
+    def stage(self, *outputs: Output, **how: Any) -> StageDecorator:
         """Declare a function as a stage of the group; see `Stage`."""
         return stage(*outputs, **{"group": self, "uses": self.uses, **how})
 
@@ -298,20 +298,20 @@ class Stage:
         return self.function(*arguments, **named)
 
 
-Declare = Callable[[Callable[..., Any]], Stage]
+StageDecorator = Callable[[Callable[..., Any]], Stage]
 
 
-def stage(*outputs: Output, name: str = "", **how: Any) -> Declare:
+def stage(*outputs: Output, name: str = "", **how: Any) -> StageDecorator:
     """Declare a function as a stage with some outputs; other arguments as of `Stage`."""
     return lambda function: Stage(name or function.__name__, function, outputs, **how)
 
 
-def plain(**how: Any) -> Declare:
+def plain(**how: Any) -> StageDecorator:
     """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
     return stage(mode=Mode.PLAIN, **how)
 
 
-def in_memory(*, keep: int = 2, **how: Any) -> Declare:
+def in_memory(*, keep: int = 2, **how: Any) -> StageDecorator:
     """Declare a function whose last `keep` results stay in memory only; see `Stage`."""
     return stage(mode=Mode.IN_MEMORY, keep=keep, **how)
 

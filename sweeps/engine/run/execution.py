@@ -13,7 +13,13 @@ from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import allow_interrupts
 from sweeps.engine.run.schedule import Callbacks, Schedule, Task
-from sweeps.engine.run.tasks import DamagedResults, Outcome, TaskReport, run_batches, uneven_error
+from sweeps.engine.run.tasks import (
+    DamagedResultsError,
+    Outcome,
+    TaskReport,
+    run_batches,
+    uneven_error,
+)
 
 QUEUED_TASKS = 2  # tasks queued for each worker, so that it never waits for the next
 
@@ -46,9 +52,9 @@ def execute(
 ) -> Failures:
     """Run all calls of a schedule, and record finished cells in the index.
 
-    Returns the names of cells that failed, with the reasons. Raises `DamagedResults` at the end if
-    cells could not be read back, `DeclarationError` at once if arrays of an output differ in shape
-    without a value to pad them with, and OSError if results cannot be written.
+    Returns the names of cells that failed, with the reasons. Raises `DamagedResultsError` at the
+    end if cells could not be read back, `DeclarationError` at once if arrays of an output differ in
+    shape without a value to pad them with, and OSError if results cannot be written.
     """
     damaged: set[bytes] = set()
     shapes: dict[tuple[str, str], tuple[int, ...]] = {}
@@ -97,5 +103,5 @@ def execute(
                     raise uneven_error(stage, output, shape, first)
         callbacks.step(schedule)
     if damaged:
-        raise DamagedResults(*sorted(damaged))
+        raise DamagedResultsError(*sorted(damaged))
     return failures

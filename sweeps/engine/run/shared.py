@@ -14,7 +14,7 @@ from sweeps.engine.resolve.keys import digest
 from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 
 
-class CodeDiffers(RuntimeError):
+class CodeMismatchError(RuntimeError):
     """A worker has other code than the command."""
 
 
@@ -27,7 +27,7 @@ def package_digest(name: str) -> str:
     return digest(repr(files)) if files else ""
 
 
-class CacheNotShared(RuntimeError):
+class CacheNotSharedError(RuntimeError):
     """A worker does not see the cache of the command."""
 
 
@@ -43,18 +43,18 @@ class Requirements(NamedTuple):
         differing = [name for name, code in self.code.items() if package_digest(name) != code]
         if differing:
             remedy = "it must have the code of this process"
-            raise CodeDiffers(f"has different code of {', '.join(differing)}; {remedy}")
+            raise CodeMismatchError(f"has different code of {', '.join(differing)}; {remedy}")
         if self.packs is not None:
             _check_marker(self.packs, self.marker)
 
 
-REQUIREMENT_ERRORS = (CodeDiffers, CacheNotShared)
+REQUIREMENT_ERRORS = (CodeMismatchError, CacheNotSharedError)
 """Errors of `Requirements.check`."""
 
 
 @cache
 def _check_marker(packs: Objects, mark: str) -> None:
-    """Raise `CacheNotShared` if this process sees no marker, or the folder is another user's."""
+    """Raise `CacheNotSharedError` without a marker here, or if the folder is another user's."""
     content = None
     with suppress(OSError):
         content = packs.get(mark)
@@ -64,4 +64,4 @@ def _check_marker(packs: Objects, mark: str) -> None:
         problem, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return
-    raise CacheNotShared(f"{problem} {str(packs.path)!r} of this command; {remedy}")
+    raise CacheNotSharedError(f"{problem} {str(packs.path)!r} of this command; {remedy}")

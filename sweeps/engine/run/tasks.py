@@ -155,15 +155,15 @@ class TaskReport(NamedTuple):
     shapes: tuple[tuple[str, str, tuple[int, ...]], ...] = ()
 
 
-class DamagedResults(Exception):
+class DamagedResultsError(Exception):
     """Results in the cache are damaged; the arguments are their keys, as bytes."""
 
 
 def iter_results(packs: Objects, locations: Locations) -> Iterator[Arrays]:
-    """Yield the arrays of cells; raise `DamagedResults` if one cannot be read back."""
+    """Yield the arrays of cells; raise `DamagedResultsError` if one cannot be read back."""
     for key, arrays in zip(locations.keys, iter_cells(packs, locations), strict=True):
         if arrays is None:
-            raise DamagedResults(key.tobytes())
+            raise DamagedResultsError(key.tobytes())
         yield arrays
 
 
@@ -224,7 +224,7 @@ class _RunningBatch:
         try:
             arguments = _read_arguments(batch, number, inputs, self.packs)
             cells = self._call_and_check(number, arguments)
-        except DamagedResults as error:
+        except DamagedResultsError as error:
             self.damaged_inputs[number] = error.args
             return
         except RAISED as error:
@@ -321,13 +321,13 @@ def _read_inputs(
         for inputs, key, arrays in zip(
             calls, locations.keys, iter_cells(packs, locations), strict=True
         ):
-            inputs[name] = arrays or DamagedResults(key.tobytes())
+            inputs[name] = arrays or DamagedResultsError(key.tobytes())
             size += sum(array.nbytes for array in (arrays or {}).values())
     return calls, size
 
 
 def _read_arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -> dict[str, Any]:
-    """Return the arguments of a call by name; raise `DamagedResults` if one is unreadable."""
+    """Return the arguments of a call by name; raise `DamagedResultsError` if one is unreadable."""
     arguments: dict[str, Any] = {}
     for name, source in batch.arguments.items():
         if isinstance(source, ValueArgument):
@@ -336,7 +336,7 @@ def _read_arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -
             arguments[name] = _get_object(source.batch, int(source.indices[number]), packs)
         else:
             arrays = inputs.pop(name)
-            if isinstance(arrays, DamagedResults):
+            if isinstance(arrays, DamagedResultsError):
                 raise arrays
             if isinstance(arrays, GatheredArray) and not source.in_blocks:
                 arrays = arrays.arrays(arrays.locations)
@@ -402,7 +402,7 @@ class GatheredArray:
         return replace(self, locations=self.locations.reshape(*shape[: len(shape) - cell_ndim]))
 
     def __getitem__(self, index: Any) -> NDArray[Any]:
-        """Return the arrays of some cells; raise `DamagedResults` if any is damaged."""
+        """Return the arrays of some cells; raise `DamagedResultsError` if any is damaged."""
         locations, cell_shape = self.locations[index], self.shape[self.locations.pack.ndim :]
         if not locations.present.any():
             [output] = self.stage.outputs

@@ -25,7 +25,7 @@ BOTH = "is_attribute"  # marks a scalar coordinate that the group has as an attr
 
 # Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array gets the
 # other prefix, so that the old metadata never refer to new chunks.
-KEY_PREFIXES = ("c.", "")
+CHUNK_PREFIXES = ("c.", "")
 
 CHUNK_BYTES = 2**20
 MAX_CONSTANT = 4096  # elements of an array that is read to find out whether all are equal
@@ -240,8 +240,8 @@ def iter_chunks(array: Array) -> Iterator[tuple[str, Region]]:
         yield ".".join(str(number) for number, _ in chunk), tuple(r for _, r in chunk)
 
 
-def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
-    """Return the zarr 3 metadata of an array, whose chunks are in a key space."""
+def metadata(array: Array, prefix: str = CHUNK_PREFIXES[0]) -> dict[str, Any]:
+    """Return the zarr 3 metadata of an array, whose chunks have a prefix."""
     stored = array.stored_dtype
     serializer: dict[str, Any] = {"name": "bytes"}
     kind: Any = stored.name
@@ -254,7 +254,7 @@ def metadata(array: Array, space: str = KEY_PREFIXES[0]) -> dict[str, Any]:
         "data_type": kind,
         "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": list(array.chunks)}},
         "chunk_key_encoding": {
-            "name": "default" if space else "v2",
+            "name": "default" if prefix else "v2",
             "configuration": {"separator": "."},
         },
         "fill_value": _encode_fill(array.fill_scalar),

@@ -79,7 +79,7 @@ class RegionReader:
     failed: Cells
 
     def read(self, region: Region) -> NDArray[Any]:
-        """Return the values of the region; raise `DamagedResults` if a cell is damaged."""
+        """Return the values of the region; raise `DamagedResultsError` if a cell is damaged."""
         output, lengths = self.output, self.inner_lengths
         dtype, empty = output.store_dtype
         flat = np.full((math.prod(self.shape), *lengths), empty, dtype=dtype)
@@ -162,7 +162,7 @@ class Cube:
         return self.schedule.plan
 
     def groups(self) -> dict[str, ArrayGroup]:
-        """Return groups of the store by path; raise `DamagedResults` if a cell is damaged."""
+        """Return groups of the store by path; raise `DamagedResultsError` if a cell is damaged."""
         members: dict[str, list[StoredVariable]] = defaultdict(list)
         group_coordinates: dict[str, dict[str, Array]] = defaultdict(dict)
         for bound in self.plan.targets:

@@ -25,16 +25,16 @@ MANIFEST = "manifest"
 class Manifest:
     """Contents of a store, by name of an object or path of an array.
 
-    `chunks` has the key space of each array and, by index, the digest of a chunk's sources; a chunk
-    of only fill values has no file. During a write, `coming` names the new chunks, `nodes` has all
-    new metadata, and `before` the sizes of all earlier objects.
+    `chunks` has the prefix of each array and, by index, the digest of a chunk's sources; a chunk
+    of only fill values has no file. During a write, `pending_chunks` names the new chunks, `nodes`
+    has all new metadata, and `previous_files` the sizes of all earlier objects.
     """
 
     files: dict[str, int] = field(default_factory=dict)
     chunks: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
-    coming: list[str] = field(default_factory=list)
+    pending_chunks: list[str] = field(default_factory=list)
     nodes: dict[str, Any] = field(default_factory=dict)
-    before: dict[str, int] = field(default_factory=dict)
+    previous_files: dict[str, int] = field(default_factory=dict)
 
     def put(self, objects: Objects) -> None:
         """Write the manifest."""
@@ -44,12 +44,12 @@ class Manifest:
     @property
     def object_names(self) -> set[str]:
         """Names of all objects that sweeps wrote."""
-        return {MANIFEST, *self.files, *self.coming, *self.before}
+        return {MANIFEST, *self.files, *self.pending_chunks, *self.previous_files}
 
-    def allows(self, name: str, size: int | None) -> bool:
+    def accepts_size(self, name: str, size: int | None) -> bool:
         """Return whether an object may have a size, or be absent."""
-        if self.nodes and (name in self.before or name.endswith(METADATA)):
-            return size in (self.files.get(name), self.before.get(name))
+        if self.nodes and (name in self.previous_files or name.endswith(METADATA)):
+            return size in (self.files.get(name), self.previous_files.get(name))
         return name not in self.files or size == self.files[name]
 
 
@@ -106,7 +106,7 @@ def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
     prefixes, known_names = tuple(f"{group}/" for group in groups or ()), manifest.object_names
     return sorted(
         name
-        for name in {*manifest.files, *manifest.before, *sizes}
+        for name in {*manifest.files, *manifest.previous_files, *sizes}
         if groups is None or name.startswith(prefixes) or name.endswith(METADATA)
-        if name not in known_names or not manifest.allows(name, sizes.get(name))
+        if name not in known_names or not manifest.accepts_size(name, sizes.get(name))
     )

@@ -29,7 +29,7 @@ from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import Table
 from sweeps.engine.declare.storable import decode_attrs
 from sweeps.engine.resolve.plan import Plan
-from sweeps.engine.run.tasks import DamagedResults
+from sweeps.engine.run.tasks import DamagedResultsError
 from sweeps.engine.store.arrays import BOTH, SCALARS, Array, ArrayGroup, metadata
 from sweeps.engine.store.writing import zarr_store
 
@@ -54,7 +54,7 @@ def add_tables(plan: Plan, groups: dict[str, ArrayGroup]) -> list[Failure]:
                 dataset = _make_table(table, groups, plan.choices)
                 if dataset is not None:
                     groups[table.group] = from_dataset(dataset)
-        except (DamagedResults, DeclarationError):  # of cells, not of the table
+        except (DamagedResultsError, DeclarationError):  # of cells, not of the table
             raise
         except RAISED as error:
             raise_resource_error(error)

@@ -27,7 +27,7 @@ from sweeps.engine.declare.storable import decode_attrs, encode_attrs
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped
 from sweeps.engine.store.arrays import (
-    KEY_PREFIXES,
+    CHUNK_PREFIXES,
     METADATA,
     Array,
     ArrayGroup,
@@ -90,7 +90,7 @@ def write_store(
         unchanged = {chunk.name: sizes.get(chunk.name) for chunk in chunks if chunk.is_stored}
         new_chunks = [chunk for chunk in chunks if not chunk.is_stored]
         new_names = [chunk.name for chunk in new_chunks]
-        intent = replace(old, coming=new_names)
+        intent = replace(old, pending_chunks=new_names)
         try:
             intent.put(objects)
             chunk_sizes = dict(unchanged)
@@ -114,8 +114,8 @@ def write_store(
             "%d chunks are written, %d stay: they have equal cells", len(new_chunks), len(unchanged)
         )
         chunk_digests = {
-            path: (space, {chunk.index: chunk.digest for chunk in of_array})
-            for path, (space, of_array) in layouts.items()
+            path: (prefix, {chunk.index: chunk.digest for chunk in of_array})
+            for path, (prefix, of_array) in layouts.items()
             if of_array
         }
         finished = Manifest(files, chunk_digests, new_names, nodes, old.files)
@@ -126,7 +126,7 @@ def write_store(
 def recover(path: PathOrUrl) -> None:
     """Finish or undo the change of a killed writer; the caller holds the lock of the store."""
     manifest = read_manifest(path)
-    if manifest is not None and (manifest.nodes or manifest.coming):
+    if manifest is not None and (manifest.nodes or manifest.pending_chunks):
         objects = Objects(path, make=True)
         objects.delete_unfinished()
         if manifest.nodes:
@@ -142,15 +142,16 @@ def _commit(objects: Objects, manifest: Manifest, check: Callable[[], None]) -> 
     objects.map(lambda item: objects.put(*item), documents.items())
     check()
     objects.put(METADATA, root)
-    objects.delete(sorted({*manifest.before, *manifest.coming}.difference(manifest.files)))
-    replace(manifest, coming=[], nodes={}, before={}).put(objects)
+    former = {*manifest.previous_files, *manifest.pending_chunks}
+    objects.delete(sorted(former.difference(manifest.files)))
+    replace(manifest, pending_chunks=[], nodes={}, previous_files={}).put(objects)
 
 
 def _roll_back(objects: Objects, manifest: Manifest) -> None:
     """Remove the chunks of an unfinished change; everything of a new store."""
-    objects.delete(name for name in manifest.coming if name not in manifest.files)
+    objects.delete(name for name in manifest.pending_chunks if name not in manifest.files)
     if manifest.files:
-        replace(manifest, coming=[]).put(objects)
+        replace(manifest, pending_chunks=[]).put(objects)
     else:
         objects.delete([MANIFEST])
         objects.remove_empty_folders()
@@ -165,10 +166,10 @@ def read_attributes(path: PathOrUrl) -> dict[str, Any] | None:
     if manifest is None and not objects.sizes():
         return None
     content, manifest = objects.get(METADATA), manifest or require_manifest(path)
-    if content is None and manifest.allows(METADATA, None):
+    if content is None and manifest.accepts_size(METADATA, None):
         return None  # its first writer did not finish
     try:
-        if content is None or not manifest.allows(METADATA, len(content)):
+        if content is None or not manifest.accepts_size(METADATA, len(content)):
             raise ValueError("its size differs")
         return decode_attrs(json.loads(content)["attributes"])
     except ValueError as error:
@@ -208,17 +209,17 @@ class Chunk:
 def _lay_out(
     path: str, array: Array, old: Manifest, sizes: Mapping[str, int]
 ) -> tuple[str, list[Chunk]]:
-    """Return the key space and the chunks of an array.
+    """Return the prefix and the chunks of an array.
 
     If they include all chunks of the old array, these keep their names.
     """
     chunks = [(index, region, array.digest(region)) for index, region in iter_chunks(array)]
-    space, digests = old.chunks.get(path, (KEY_PREFIXES[0], {}))
+    prefix, digests = old.chunks.get(path, (CHUNK_PREFIXES[0], {}))
     if not digests.items() <= {(index, digest) for index, _, digest in chunks}:
-        space, digests = next(prefix for prefix in KEY_PREFIXES if prefix != space), {}
-    names = {index: f"{path}/{space}{index}" for index, _, _ in chunks}
-    stored = {index for index in digests if old.allows(names[index], sizes.get(names[index]))}
-    return space, [
+        prefix, digests = next(each for each in CHUNK_PREFIXES if each != prefix), {}
+    names = {index: f"{path}/{prefix}{index}" for index, _, _ in chunks}
+    stored = {index for index in digests if old.accepts_size(names[index], sizes.get(names[index]))}
+    return prefix, [
         Chunk(names[index], index, array, region, digest, index in stored)
         for index, region, digest in chunks
     ]
@@ -286,7 +287,7 @@ def write_on_worker(
     """
     files: dict[str, int | None] = {}
     version, manifest = objects.head(MANIFEST), read_manifest(objects.path)
-    announced = set(manifest.coming if manifest else ())
+    announced = set(manifest.pending_chunks if manifest else ())
     with world_readable():
         for name, array, region in chunks:
             content = encode(array, region)

@@ -17,7 +17,7 @@ MAX_PROCESSES = 8
 """Most processes by default: a login node has other users."""
 
 
-def build_ahead(
+def build_in_parallel(
     ships: Sequence[str],
     *,
     cache: str | Path,

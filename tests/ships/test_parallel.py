@@ -5,8 +5,8 @@ import sys
 import pytest
 
 from ncti import ships
-from ncti.ships.ahead import build_ahead
 from ncti.ships.loading import is_built
+from ncti.ships.parallel import build_in_parallel
 
 NAMES = ["duncan", "texas", "duncan@0.1", "texas@0.2"]
 
@@ -15,7 +15,7 @@ def test_ships_are_built_in_other_processes_as_in_this_one(tmp_path):
     for processes in (1, 3):
         assert not any(is_built(name, cache=tmp_path / str(processes)) for name in NAMES)
         counts = []
-        build_ahead(
+        build_in_parallel(
             NAMES, cache=tmp_path / str(processes), processes=processes, progress=counts.append
         )
         assert counts == sorted(counts) and counts[0] >= 1 and counts[-1] <= len(NAMES)
@@ -30,14 +30,14 @@ def test_ships_are_built_in_other_processes_as_in_this_one(tmp_path):
 def test_ships_that_cannot_be_built_are_left_out(tmp_path):
     sheet = tmp_path / "broken.yaml"
     sheet.write_text("hull: 7\n")
-    build_ahead([str(sheet), "duncan", str(sheet)], cache=tmp_path, processes=2)
+    build_in_parallel([str(sheet), "duncan", str(sheet)], cache=tmp_path, processes=2)
     assert is_built("duncan", cache=tmp_path) and not is_built(sheet, cache=tmp_path)
 
 
 @pytest.mark.parametrize("executable", ["/nowhere/python", "/bin/false"])
 def test_processes_that_fail_leave_their_ships_to_the_next_call(tmp_path, monkeypatch, executable):
     monkeypatch.setattr(sys, "executable", executable)
-    build_ahead(NAMES[:2], cache=tmp_path, processes=2)
+    build_in_parallel(NAMES[:2], cache=tmp_path, processes=2)
     assert [is_built(name, cache=tmp_path) for name in NAMES[:2]] == [True, False]
 
 
