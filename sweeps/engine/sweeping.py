@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, make_folder
+from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, ensure_folder
 from sweeps.engine.cache.packs import declared_signatures, iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure
@@ -110,7 +110,7 @@ def sweep(plan: Plan, options: RunOptions, callbacks: Callbacks) -> SweepOutcome
         check = stack.enter_context(store_lock(options.store))
         recover(options.store)
         if isinstance(packs := options.packs.path, Path):
-            make_folder(packs, PRIVATE_MODE)
+            ensure_folder(packs, PRIVATE_MODE)
         stack.enter_context(cache_lock(packs))
         index = CellIndex(options.packs, callbacks.say, plan.identity.values())
         attributes = extended_attributes(options.store, plan)
@@ -354,7 +354,7 @@ def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, in
     ):
         stages = {bound.name: (plan.count(bound), 0) for bound in plan.targets}
         return stages, "nothing to compute: all cells are in the store"
-    packs = replace(options.packs, make=False)
+    packs = replace(options.packs, create=False)
     index = CellIndex(packs, lambda sentence: None, plan.identity.values())
     schedule, costs = Schedule(plan), index.costs()
     schedule.look_up(index)

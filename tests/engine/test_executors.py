@@ -144,7 +144,7 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
     chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
     store = Objects(tmp_path / "s.zarr")
     assert write_on_worker(store, chunks) == {} and not store.path.exists()
-    Manifest(pending_chunks=["g/x/c.1"]).put(Objects(store.path, make=True))
+    Manifest(pending_chunks=["g/x/c.1"]).put(Objects(store.path, create=True))
     assert write_on_worker(Objects(store.path), chunks).keys() == {"g/x/c.1"}
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
@@ -173,7 +173,7 @@ def test_a_worker_stops_writing_when_the_manifest_changes(tmp_path):
         Manifest().put(store)  # by another command, while the chunk is read
         return np.arange(3)
 
-    store, names = Objects(tmp_path / "s.zarr", make=True), ["g/x/c.0", "g/x/c.1", "g/x/c.2"]
+    store, names = Objects(tmp_path / "s.zarr", create=True), ["g/x/c.0", "g/x/c.1", "g/x/c.2"]
     Manifest(pending_chunks=names).put(store)
     array = Array.from_values(("x",), np.arange(3))
     arrays = array, replace(array, read=read), array

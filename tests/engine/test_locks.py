@@ -129,7 +129,7 @@ def test_there_is_one_writer_at_a_time(place, monkeypatch):
 def test_of_many_that_find_a_dead_owner_one_takes_over(place, monkeypatch):
     monkeypatch.setattr(locks, "RENEW_INTERVAL", 0.1)
     path, successes, start = below(place, "s.zarr"), [], threading.Barrier(6)
-    Objects(place, make=True).put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
+    Objects(place, create=True).put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
 
     def take():
         start.wait()

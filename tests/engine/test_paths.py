@@ -16,7 +16,7 @@ from sweeps.engine.declare.paths import path_or_url
 
 
 def test_objects_of_either_kind_behave_alike(place):
-    there = Objects(below(place, "new"), make=True)
+    there = Objects(below(place, "new"), create=True)
     assert there.sizes() == {}
     assert there.get("a/b") is None
     there.put("a/b", b"one")

@@ -49,22 +49,22 @@ _NUMBER = re.compile(r"\(os error (\d+)\)")
 
 
 def open_store(
-    path: PathOrUrl, *, make: bool = False, mode: int = PUBLIC_MODE, clean: bool = True
+    path: PathOrUrl, *, create: bool = False, mode: int = PUBLIC_MODE, remove_empty: bool = True
 ) -> ObjectStore:
-    """Return the obstore of a path; a missing folder is empty, or made if `make`.
+    """Return the obstore of a path; a missing folder is empty, or made with `create`.
 
-    With `clean`, a folder that becomes empty is removed; no other process may write there then.
+    With `remove_empty`, folders that become empty are removed, which no other process may write.
     """
     if isinstance(path, str):
         return from_url(path, retry_config={"max_retries": RETRIES})
-    if make:
-        make_folder(path, mode)
+    if create:
+        ensure_folder(path, mode)
     elif not path.is_dir():
         return MemoryStore()
-    return LocalStore(path, automatic_cleanup=clean)
+    return LocalStore(path, automatic_cleanup=remove_empty)
 
 
-def make_folder(path: Path, mode: int) -> None:
+def ensure_folder(path: Path, mode: int) -> None:
     """Make a folder and its missing parents, with at most this mode; the umask may say less."""
     if path.is_dir():
         return
@@ -122,18 +122,20 @@ class Objects:
     """
 
     path: PathOrUrl
-    make: bool = False  # whether a write makes the folder
+    create: bool = False  # whether a write makes the folder
     mode: int = PUBLIC_MODE  # of the made folder
-    clean: bool = True  # whether folders that become empty are removed
+    remove_empty: bool = True  # whether folders that become empty are removed
 
     @cached_property
     def store(self) -> ObjectStore:
         """The obstore of the path."""
         with translated_errors(self.path):
-            return open_store(self.path, make=self.make, mode=self.mode, clean=self.clean)
+            return open_store(
+                self.path, create=self.create, mode=self.mode, remove_empty=self.remove_empty
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _cached_objects, (self.path, self.make, self.mode, self.clean)
+        return _cached_objects, (self.path, self.create, self.mode, self.remove_empty)
 
     def get(self, name: str) -> bytes | None:
         """Return an object; None if it is absent."""

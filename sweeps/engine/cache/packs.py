@@ -114,9 +114,9 @@ def unseal(line: bytes) -> Any:
     return json.loads(text)
 
 
-def open_packs(cache: PathOrUrl, *, make: bool = True) -> Objects:
+def open_packs(cache: PathOrUrl, *, create: bool = True) -> Objects:
     """Return the packs of a cache; a new folder is private."""
-    return Objects(join(cache, CELLS_FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
+    return Objects(join(cache, CELLS_FOLDER), create=create, mode=PRIVATE_MODE, remove_empty=False)
 
 
 @dataclass(frozen=True)

@@ -336,7 +336,7 @@ class Command:
         Raises ConfigurationError if a sweep uses it.
         """
         check_cache_path(path)
-        packs = open_packs(path, make=False)
+        packs = open_packs(path, create=False)
         lock = nullcontext() if limit is None else cache_lock(packs.path, exclusive=True)
         try:
             with lock:

@@ -59,7 +59,7 @@ class _ProgressView:
         from rich.live import Live
 
         self.name, self.log, self.record = name, log, record
-        self.states, self.file = open_states(cache, make=True), state_name(store)
+        self.states, self.file = open_states(cache, create=True), state_name(store)
         self.next_save = 0.0
         self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
         self.state["ended"] = "stopped"  # until the sweep finishes
@@ -213,9 +213,9 @@ SAVE_INTERVAL = 1.0  # s between states that are written
 STATUS_FOLDER = "status"  # of a cache
 
 
-def open_states(cache: PathOrUrl, *, make: bool = False) -> Objects:
+def open_states(cache: PathOrUrl, *, create: bool = False) -> Objects:
     """Return the states of sweeps in a cache."""
-    return Objects(join(cache, STATUS_FOLDER), make=make, mode=PRIVATE_MODE, clean=False)
+    return Objects(join(cache, STATUS_FOLDER), create=create, mode=PRIVATE_MODE, remove_empty=False)
 
 
 def state_name(store: PathOrUrl) -> str:

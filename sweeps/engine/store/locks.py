@@ -22,7 +22,7 @@ from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
 
-from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, make_folder
+from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, ensure_folder
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path, split_parent
 from sweeps.engine.run.process import call_every
@@ -110,7 +110,7 @@ Lock = tuple[Callable[[], None], Callable[[], None]]
 
 def _lock_file(folder: Path, name: str) -> Lock:
     """Lock a file, which `release` deletes."""
-    make_folder(folder, PUBLIC_MODE)
+    ensure_folder(folder, PUBLIC_MODE)
     path, deadline = folder / name, time.monotonic() + LOCK_SECONDS
     while True:
         file = os.fdopen(os.open(path, LOCK_FLAGS, LOCK_MODE), "r+b", buffering=0)

@@ -75,7 +75,7 @@ def write_store(
     """
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
     with world_readable():
-        objects, manifest = Objects(path, make=True), read_manifest(path)
+        objects, manifest = Objects(path, create=True), read_manifest(path)
         sizes, old = Objects(path).sizes(), manifest or Manifest()  # a listing makes no folder
         refuse_foreign(path, sizes, manifest)
         arrays = {
@@ -127,7 +127,7 @@ def recover(path: PathOrUrl) -> None:
     """Finish or undo the change of a killed writer; the caller holds the lock of the store."""
     manifest = read_manifest(path)
     if manifest is not None and (manifest.nodes or manifest.pending_chunks):
-        objects = Objects(path, make=True)
+        objects = Objects(path, create=True)
         objects.delete_unfinished()
         if manifest.nodes:
             _commit(objects, manifest, lambda: None)
