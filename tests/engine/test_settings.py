@@ -8,7 +8,17 @@ from hypothesis import strategies as st
 from toys import SPRINGS
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import Count, Draws, Groups, Number, SetOf, Switch, Text, Word
+from sweeps.engine.declare.kinds import (
+    Count,
+    Date,
+    Draws,
+    Groups,
+    Number,
+    SetOf,
+    Switch,
+    Text,
+    Word,
+)
 from sweeps.engine.declare.settings import Settings, count, number, read_choices, set_of, text, word
 
 finite = st.floats(-1e12, 1e12)
@@ -43,6 +53,11 @@ EXACT = {
     "a step beyond": ((0.0, 1.0, 0.4), [0.0, 0.4, 0.8]),
     "one value": ((2.5, 2.5, 1e-300), [2.5]),
 }
+
+
+def test_times_finer_than_the_unit_are_not_cut_off():
+    assert Date("h").holds("2020-01-01T12") and Date("D").holds("2020-01-01T00")
+    assert not Date("D").holds("2020-01-01T12")
 
 
 @pytest.mark.parametrize("kind", EXACT)

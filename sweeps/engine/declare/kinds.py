@@ -245,6 +245,8 @@ class Date(Kind):
             time = self._read_value(value) if isinstance(value, str) else value
             if not isinstance(time, np.datetime64 if self.unit else datetime):
                 return False
+            if self.unit and isinstance(value, str) and np.datetime64(value) != time:
+                return False  # finer than the unit
             zoned = isinstance(time, datetime) and time.tzinfo is not None
             return not zoned and bool(EARLIEST <= np.datetime64(time) < LATEST)
         except (ValueError, OverflowError):
