@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core import event
 
-from ncti.machine_code import Loops, folder, folder_of
+from ncti.machine_code import CompiledLoops, folder, folder_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -102,13 +102,13 @@ announcer = _Announcer()
 event.register("numba:compile", announcer)
 
 
-def keep(loops: Loops) -> None:
+def keep(loops: CompiledLoops) -> None:
     """Compile loops in this process; others load their machine code, if there is a folder for it.
 
     It logs nothing: the caller reports the compilation.
     """
     before, announcer.was_logged = announcer.was_logged, True
     try:
-        loops.call()
+        loops.warm_up()
     finally:
         announcer.was_logged = before

@@ -58,17 +58,17 @@ def _place(source: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class Loops:
+class CompiledLoops:
     """Loops that one call compiles; see `ncti.compiled.keep`.
 
-    `of` names their results, such as "sampled frames"; `names` are the outermost loops within
-    `ncti`, such as "render.line_sweep.sweep"; `call` runs them all on tiny arguments of the types
-    that sweeps use.
+    `label` is the noun for their results, such as "sampled frames"; `names` are the outermost loops
+    within `ncti`, such as "render.line_sweep.sweep"; `warm_up` runs them all on tiny arguments of
+    the types that sweeps use.
     """
 
-    of: str
+    label: str
     names: tuple[str, ...]
-    call: Callable[[], object]
+    warm_up: Callable[[], object]
 
     def are_missing(self) -> bool:
         """Return whether the folder lacks machine code of the current source.
@@ -80,13 +80,13 @@ class Loops:
 
 
 @contextmanager
-def compiling_ahead(*loops: Loops) -> Iterator[None]:
+def compiling_ahead(*loops: CompiledLoops) -> Iterator[None]:
     """Compile missing loops in another process while this context computes, which then waits.
 
     A loop that the context calls before its machine code is there is compiled here, too. On one
     processor, nothing is compiled ahead.
     """
-    calls = [part.call for part in loops if processor_count() > 1 and part.are_missing()]
+    calls = [part.warm_up for part in loops if processor_count() > 1 and part.are_missing()]
     lines = [f"from {call.__module__} import {call.__qualname__} as call; call()" for call in calls]
     process = None
     if lines:

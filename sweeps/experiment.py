@@ -25,7 +25,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import Kind, SetOf, Word
 from sweeps.engine.declare.settings import Choices, Setting, Settings
@@ -108,7 +108,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
         distinct = dict.fromkeys(loops for module_loops in needed for loops in module_loops)
         missing = [loops for loops in distinct if loops.are_missing()]
         if missing:
-            names = ", ".join(loops.of for loops in missing)
+            names = ", ".join(loops.label for loops in missing)
             say(f"compiling the loops of {names} (once, up to half a minute)")
         return [partial(_compile, loops) for loops in missing]
 
@@ -125,7 +125,7 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
     )
 
 
-def _compile(loops: Loops) -> None:
+def _compile(loops: CompiledLoops) -> None:
     from ncti.compiled import keep
 
     keep(loops)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from ncti import machine_code
-from ncti.machine_code import Loops, compiling_ahead
+from ncti.machine_code import CompiledLoops, compiling_ahead
 from ncti.render.loops import PIECES
 
 NAP = 600  # s
@@ -67,7 +67,7 @@ def test_an_error_ends_the_other_process_at_once(folder, monkeypatch):
     start = time.monotonic()
 
     def fail():
-        with compiling_ahead(Loops("naps", PIECES.names, sleep)):
+        with compiling_ahead(CompiledLoops("naps", PIECES.names, sleep)):
             eventually(lambda: (folder / "asleep").exists())
             raise ZeroDivisionError
 

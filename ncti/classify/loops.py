@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 
 
 def _whiten() -> None:
@@ -15,7 +15,7 @@ def _whiten() -> None:
     densities(*(np.ones((1, 1)),) * 3, np.ones(1), np.ones(1), np.ones((1, 1)))
 
 
-DENSITIES = Loops(
+DENSITIES = CompiledLoops(
     "densities of range profiles",
     ("classify.whitening.solve_band", "classify.whitening.band_products"),
     _whiten,

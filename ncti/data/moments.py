@@ -16,7 +16,7 @@ from ncti.ladar.extent import range_extent
 from ncti.ladar.moments import banded_frame_moments
 from ncti.ladar.places import TEMPLATE_PLACES, spread_place
 from ncti.render import line_image
-from ncti.simulate.subject import mesh_of, roll_at
+from ncti.simulate.subject import read_ship, roll_at
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,7 +94,7 @@ def _moments(row: xr.Dataset, places: int) -> tuple[list[Floats], Floats]:
     centres, attributes = row.down_range.values, row.attrs
     bin_width = float(centres[1] - centres[0])
     aspect, depression, slant_range, pulse_width, cnr = (float(row[name]) for name in VIEW_KEYS[2:])
-    mesh = mesh_of(row["variant" if "variant" in row.coords else "ship"].item())
+    mesh = read_ship(row["variant" if "variant" in row.coords else "ship"].item())
     beam = Beam(attributes["ifov_urad"] * 1e-6, bin_width, bin_width * len(centres))
     signal = vars(Signal(pulse_width, power_ratio(cnr), attributes["target_free_ifovs"]))
     # The lines of `ncti.data.views`, at most an IFOV apart.

@@ -44,7 +44,7 @@ from ncti.simulate.subject import (
     SPACING,
     Ship,
     check_sight,
-    mesh_of,
+    read_ship,
 )
 
 if TYPE_CHECKING:
@@ -313,7 +313,7 @@ def _names(ships: Sequence[Ship]) -> list[str]:
     names: list[str] = []
     for ship in ships:
         try:
-            name = str(mesh_of(ship).metadata.get("name", "mesh"))
+            name = str(read_ship(ship).metadata.get("name", "mesh"))
         except ValueError as error:
             raise ValueError(f"ships has {ship!r:.60}: {error}") from error
         if name in names:
@@ -329,7 +329,7 @@ def _check_views(recipe: Recipe, drawn: Arrays) -> None:
         return
     longest = float(drawn["pulse_width"].max())
     for ship in recipe.ships:
-        check_window(recipe.beam.window, mesh_of(ship), pulse_width=longest)
+        check_window(recipe.beam.window, read_ship(ship), pulse_width=longest)
 
 
 def parameters(

@@ -207,12 +207,12 @@ def has_rows(store: str | Path) -> bool:
     return any(True for _ in _open_groups(store, ROWS))
 
 
-def ships_of(store: str | Path) -> list[str]:
+def list_ships(store: str | Path) -> list[str]:
     """Return the names of a store's ships, known or not."""
     return next(_open_groups(store, (*ROWS, *LAYOUTS))).ship.values.astype(str).tolist()
 
 
-def pieces_of(store: str | Path) -> dict[int, int]:
+def count_rows(store: str | Path) -> dict[int, int]:
     """Return the completed pieces of a store of rows, and the number of rows of each."""
     group = next(_open_groups(store, ROWS))
     other = [dim for dim in group.row_view.dims if dim != "piece"]

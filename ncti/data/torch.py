@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.checks import require
-from ncti.data.stored import has_rows, load_xy, pieces_of, ships_of
+from ncti.data.stored import count_rows, has_rows, list_ships, load_xy
 
 try:
     from torch.utils.data import IterableDataset, get_worker_info
@@ -62,8 +62,8 @@ class StoredRows:
         # the store may have grown after another one read it.
         items = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in where.items())
         self.store, self._selection = str(store), (classifier_group, split, items, uuid4().hex)
-        pieces = pieces_of(store) if has_rows(store) else {}
-        self.classes = tuple(ships_of(store) if classes is None else classes)
+        pieces = count_rows(store) if has_rows(store) else {}
+        self.classes = tuple(list_ships(store) if classes is None else classes)
         if not pieces:
             pieces = {WHOLE_STORE: len(self.piece(WHOLE_STORE)[1])}
         self.sizes = pieces

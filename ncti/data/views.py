@@ -24,7 +24,7 @@ from ncti.ladar.pulse import noise_floor
 from ncti.render import LineImage, drawn_range, line_image
 from ncti.render.far_field import SHARE, reach_of
 from ncti.ships.shape import Mesh
-from ncti.simulate.subject import Ship, mesh_of, roll_at
+from ncti.simulate.subject import Ship, read_ship, roll_at
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -96,7 +96,7 @@ def _views(recipe: Recipe, drawn: Arrays) -> Iterator[Arrays]:
     image, last_sight = None, None
     for rows in equal_rows(drawn, VIEW):
         ship, aspect, depression, slant_range = (drawn[name][rows.start].item() for name in VIEW)
-        mesh = mesh_of(recipe.ships[ship])
+        mesh = read_ship(recipe.ships[ship])
         sight = (ship, aspect, depression, drawing_range(mesh, slant_range, recipe.far_field_error))
         # Ranges of a far field share its image.
         if image is None or sight != last_sight:

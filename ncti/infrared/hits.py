@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ncti.infrared.silhouette import Extent, Silhouette, coverage_of, silhouette
 from ncti.render.image import RangeImage
 from ncti.render.lines import LineImage
-from ncti.render.view import turn_of
+from ncti.render.view import cos_sin
 
 if TYPE_CHECKING:
     from ncti.render.mask import Mask
@@ -89,7 +89,7 @@ class Hits:
             return Patches(*lines.bounds, pixel**2, lines)
         row, column = np.divmod(np.flatnonzero(np.unpackbits(self.bits)), self.columns)
         along, up = left + pixel * column, bottom + pixel * row
-        cos, sin = turn_of(roll)
+        cos, sin = cos_sin(roll)
         horizontal, vertical = along * cos - up * sin, along * sin + up * cos
         return Patches(-horizontal if mirrored else horizontal, vertical, pixel**2)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ncti.infrared.silhouette import coverage_of
 from ncti.infrared.synthesis import thermal_images
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 
 
 def _synthesise() -> None:
@@ -16,7 +16,7 @@ def _synthesise() -> None:
     thermal_images(target, contrast=1.0, frame_counts=[16], rng=np.random.default_rng(0))
 
 
-IMAGES = Loops(
+IMAGES = CompiledLoops(
     "infrared images",
     tuple(f"infrared.cells.{name}" for name in ("count_points", "bounding_box", "lay_out")),
     _synthesise,

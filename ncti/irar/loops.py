@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncti.irar.tilt import tilts
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 
 
 def _tilt() -> None:
@@ -14,4 +14,4 @@ def _tilt() -> None:
     tilts(ship, np.kron(ship, np.ones((4, 4))))
 
 
-TILTS = Loops("tilts", ("irar.seen.add_looks",), _tilt)
+TILTS = CompiledLoops("tilts", ("irar.seen.add_looks",), _tilt)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ncti.ladar.extent import no_return
 from ncti.ladar.frames import sample_frames
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 
 
 def _sample() -> None:
@@ -23,9 +23,9 @@ def _bin() -> None:
     bin_boxes(np.zeros(1, np.intp), unit, unit, unit, 1, 4)
 
 
-BOXES = Loops("range extents", ("ladar.pixels.bin_boxes",), _bin)
+BOXES = CompiledLoops("range extents", ("ladar.pixels.bin_boxes",), _bin)
 
-FRAMES = Loops(
+FRAMES = CompiledLoops(
     "sampled frames",
     (
         *("normals.put_streams", "normals.draw_run", "normals.draw_places"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.labels import labelled_array
-from ncti.render.view import turn_of
+from ncti.render.view import cos_sin
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,7 +99,7 @@ class RangeImage:
         """Return horizontal and vertical coordinates [m] of some pixels, as `cross_range`."""
         column = self.origin[0] + self.pixel * cols
         row = self.origin[1] + self.pixel * rows
-        cos, sin = turn_of(self.roll)
+        cos, sin = cos_sin(self.roll)
         return column * cos - row * sin, column * sin + row * cos
 
     def to_xarray(self) -> xr.Dataset:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.labels import labelled_array
-from ncti.render.view import View, turn_of
+from ncti.render.view import View, cos_sin
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -123,7 +123,7 @@ class LineImage:
     def cross_range(self) -> tuple[Floats, Floats]:
         """Return horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2)."""
         y = self._height[:, None]
-        cos, sin = turn_of(self.roll)
+        cos, sin = cos_sin(self.roll)
         return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
 
     @cached_property
@@ -134,7 +134,7 @@ class LineImage:
         from ncti.render.pieces import bounds_of
 
         left, right, bottom, top = bounds_of(
-            self.line, self.piece, self.spacing, self.phase, turn_of(self.roll), (0.0, 0.0)
+            self.line, self.piece, self.spacing, self.phase, cos_sin(self.roll), (0.0, 0.0)
         )
         return np.array([left, right]), np.array([bottom, top])
 
@@ -186,7 +186,7 @@ class LineImage:
         area = np.full(len(self.line), self.spacing)
         if weight is not None:
             area = area * weight
-        grid = Grid(turn_of(self.roll), float(side), (float(shift[0]), float(shift[1])))
+        grid = Grid(cos_sin(self.roll), float(side), (float(shift[0]), float(shift[1])))
         depths = Depths(self.curvature, wavefront, float(near), float(bin_width), int(bin_count))
         return Parts(
             *bin_pieces(self.line, self.piece, area, self.spacing, self.phase, grid, depths)

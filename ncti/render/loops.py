@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.ships.shape import ShipMesh
 
 LINES, MASK = "lines", "mask"
@@ -20,16 +20,22 @@ _BOX = ShipMesh(
 """8 by 4 by 4 m, its corners numbered by their bits."""
 
 
-def engine_loops(engine: str) -> Loops:
+def engine_loops(engine: str) -> CompiledLoops:
     """Return the outermost loops of an engine, or of "mask" or "lines"; they compile all others."""
     if engine == MASK:
-        return Loops("silhouettes", ("render.mask.snap_vertices", "render.mask.fill"), _draw_mask)
+        return CompiledLoops(
+            "silhouettes", ("render.mask.snap_vertices", "render.mask.fill"), _draw_mask
+        )
     owner = f"the engine {engine}"
     if engine == LINES:
-        return Loops(owner, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines)
+        return CompiledLoops(
+            owner, ("render.line_sweep.sweep", "render.pieces.bin_pieces"), _draw_lines
+        )
     if engine == "embree":
-        return Loops(owner, ("render.pixels.rays", "render.pixels.row_spans"), _draw_by_embree)
-    return Loops(owner, ("render.pixels.sampled_facets",), _draw_without_context)
+        return CompiledLoops(
+            owner, ("render.pixels.rays", "render.pixels.row_spans"), _draw_by_embree
+        )
+    return CompiledLoops(owner, ("render.pixels.sampled_facets",), _draw_without_context)
 
 
 def _draw_lines() -> None:
@@ -46,7 +52,7 @@ def _bin_pieces() -> None:
     LineImage(number, piece, number, normal, 1.0, 0.5, **_VIEW, roll=0.0).bin(side=1.0)
 
 
-PIECES = Loops("range extents of lines", ("render.pieces.bin_pieces",), _bin_pieces)
+PIECES = CompiledLoops("range extents of lines", ("render.pieces.bin_pieces",), _bin_pieces)
 
 
 def _draw_mask() -> None:

@@ -108,7 +108,7 @@ class View:
         return np.array([right * cos_g + up * sin_g, up * cos_g - right * sin_g, away])
 
 
-def turn_of(roll: float) -> tuple[float, float]:
+def cos_sin(roll: float) -> tuple[float, float]:
     """Return cosine and sine of a roll [deg]."""
     return float(np.cos(np.radians(roll))), float(np.sin(np.radians(roll)))
 

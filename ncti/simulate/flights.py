@@ -15,7 +15,7 @@ from ncti.irar.snapshot import Snapshot, ship_window
 from ncti.irar.time_delay import time_delay_integrate
 from ncti.labels import labelled_array
 from ncti.ladar.budget import MAX_DECIBELS, power_ratio
-from ncti.simulate.subject import Ship, check_known, coordinates, generator, seed_of, trimesh_of
+from ncti.simulate.subject import Ship, check_known, coordinates, generator, read_trimesh, seed_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -115,7 +115,7 @@ def flight(
         parameters["cnr"] = power_ratio(level)
     passed = Flight(slant_range=slant_range, ship_heading=heading, **parameters)
     stream = generator(rng, aspect=aspect)
-    mesh = trimesh_of(ship)
+    mesh = read_trimesh(ship)
     scan = fly(mesh, passed, rng=stream).record(stream)
     window = ship_window(mesh, scan.flight)
     snapshot = segmented(correct(scan, correction, window=window), scan.flight)

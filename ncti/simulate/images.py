@@ -24,7 +24,7 @@ from ncti.simulate.subject import (
     check_sight,
     coordinates,
     generator,
-    mesh_of,
+    read_ship,
     roll_at,
 )
 
@@ -122,7 +122,7 @@ def infrared_image(
     check_sight(slant_range, ifov)
     frames = check_frames(frames)
     stream = generator(rng, aspect=aspect)
-    mesh = mesh_of(ship)
+    mesh = read_ship(ship)
     footprint = ifov * slant_range * (1.0 if super_resolution == "none" else 0.5)
     lines = line_image(
         mesh,

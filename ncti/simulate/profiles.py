@@ -34,7 +34,7 @@ from ncti.simulate.subject import (
     check_sight,
     coordinates,
     generator,
-    mesh_of,
+    read_ship,
     roll_at,
 )
 
@@ -163,7 +163,7 @@ def range_profile(
     _check_binning(beam, pulse_width)
     generator(rng, aspect=0.0)
     with compiling_ahead(PIECES, FRAMES):
-        mesh = mesh_of(ship)
+        mesh = read_ship(ship)
         sight: dict[str, Any] = {"depression": depression, "slant_range": slant_range}
         views = [View.checked(aspect=a, roll=roll_at(a), **sight) for a in aspects]
         _check_fits(mesh, views, beam, pulse_width)

@@ -55,7 +55,7 @@ def check_known(given: Iterable[str], known: Iterable[str], kind: str) -> None:
         )
 
 
-def mesh_of(ship: Ship) -> Mesh:
+def read_ship(ship: Ship) -> Mesh:
     """Return the mesh of a ship, which is a name, a path, or the mesh itself.
 
     Meshes of names and paths are cached by the content of their files. Callers of this package must
@@ -77,9 +77,9 @@ def mesh_of(ship: Ship) -> Mesh:
     )
 
 
-def trimesh_of(ship: Ship) -> trimesh.Trimesh:
-    """Return the mesh of `mesh_of` as a trimesh, for flights, which read more of it."""
-    mesh = mesh_of(ship)
+def read_trimesh(ship: Ship) -> trimesh.Trimesh:
+    """Return the mesh of `read_ship` as a trimesh, for flights, which read more of it."""
+    mesh = read_ship(ship)
     return mesh.to_trimesh() if isinstance(mesh, ShipMesh) else mesh
 
 

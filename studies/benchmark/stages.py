@@ -33,7 +33,7 @@ from ncti.data.splits import (
 from ncti.data.vectors import to_numpy
 from ncti.features import profile_vector
 from ncti.ladar.loops import FRAMES
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.render.loops import LINES, engine_loops
 from studies.benchmark.summary import tabulate_differences, tabulate_rows
 from sweeps.engine.declare.display import Display, Figure
@@ -495,7 +495,7 @@ ENTERED = tuple(
 )
 
 
-def loops(choices: Choices) -> list[Loops]:
+def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the compiled loops that simulate rows."""
     return [FRAMES, engine_loops(LINES)] if uses_sensor(SENSOR)(choices) else []
 

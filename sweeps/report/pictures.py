@@ -305,7 +305,7 @@ def _draw_png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
     return base64.b64encode(content.getvalue()).decode("ascii")
 
 
-def ships_of(store: Any) -> list[dict[str, Any]]:
+def describe_ships(store: Any) -> list[dict[str, Any]]:
     """Return the ships that a store describes; none where it has no such group.
 
     With label, measures by name as numbers with their units, picture and warning.

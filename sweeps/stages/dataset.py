@@ -20,7 +20,7 @@ from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
 from ncti.infrared.loops import IMAGES
 from ncti.ladar.loops import FRAMES
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.render.loops import LINES, engine_loops
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import (
@@ -226,7 +226,7 @@ def tabulate(made_rows: xr.Dataset, choices: Choices) -> xr.Dataset:
     return rows.to_dataset().assign_attrs(title="Rows of each ship")
 
 
-def loops(choices: Choices) -> list[Loops]:
+def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the loops that rows of both sensors take."""
     return [FRAMES, engine_loops(LINES), IMAGES] if uses_sensor(SENSOR)(choices) else []
 

@@ -25,7 +25,7 @@ from ncti.infrared.detector_view import MAX_OFFSETS
 from ncti.infrared.loops import IMAGES
 from ncti.labels import labelled_dataset
 from ncti.ladar import spread_place
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK, engine_loops
 from sweeps.engine.declare.display import Display, Figure
@@ -499,7 +499,7 @@ def _image_table(
     return OF_VIEWS.table(name, tabulate, display)
 
 
-def loops(choices: Choices) -> list[Loops]:
+def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the loops that images and silhouettes take."""
     if not uses_sensor(views.INFRARED)(choices):
         return []

@@ -16,7 +16,7 @@ from ncti.irar.corrected import EXACT, NO_ERROR, RATES
 from ncti.irar.loops import TILTS
 from ncti.irar.registration import MOTION_METHODS
 from ncti.ladar.budget import power_ratio
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.render.choice import choose_engine
 from ncti.render.loops import LINES, engine_loops
 from sweeps.engine.declare.errors import ConfigurationError
@@ -367,7 +367,7 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
     return record_scan(fly_past(mesh, course, **draw, **place), course, receivers, **place)
 
 
-def loops(choices: Choices) -> list[Loops]:
+def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the loops of flights, and those of the pixels that they need beside lines."""
     if not uses_sensor(IRAR)(choices):
         return []

@@ -21,7 +21,7 @@ from ncti.ladar.places import IfovOffset
 from ncti.ladar.pulse import shortest_pulse
 from ncti.ladar.receivers import RECEIVERS
 from ncti.ladar.window import window_requirement
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
@@ -413,7 +413,7 @@ def _check_cnr(choices: Choices) -> None:
                 refuse(Ladar.cnr, cnr, allowed)
 
 
-def loops(choices: Choices) -> list[Loops]:
+def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the loops that frames and their densities take."""
     return [FRAMES] * uses_sensor(RANGE)(choices) + [DENSITIES] * stores_moments(choices)
 

@@ -13,7 +13,7 @@ import ncti.render
 import ncti.ships
 from ncti.ladar import lines_within
 from ncti.ladar.loops import BOXES
-from ncti.machine_code import Loops
+from ncti.machine_code import CompiledLoops
 from ncti.render import EngineError, LineImage, RangeImage, Sampling, View
 from ncti.render.choice import choose_engine, engines
 from ncti.render.far_field import sampling_tolerance
@@ -323,7 +323,7 @@ def check_beam(choices: Choices, setting: Setting, beam: Setting, *, part: float
 STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, Grid.aspect))
 
 
-def loops(choices: Choices) -> list[Loops]:
+def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the loops that engines draw by, and that bin their pixels."""
     used = {*choices[Render.engine]}
     return [*map(engine_loops, sorted(used)), *([BOXES] if used != {LINES} else [])]

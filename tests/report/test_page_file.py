@@ -18,7 +18,7 @@ from sweeps.engine.cache.objects import Objects
 from sweeps.engine.run.schedule import Progress
 from sweeps.report.outputs import page_file
 from sweeps.report.page import write
-from sweeps.report.pictures import pictures_of, ships_of
+from sweeps.report.pictures import describe_ships, pictures_of
 from sweeps.report.summary import tables_of, write_store_page
 from sweeps.report.timings import read_timings, write_timings
 
@@ -120,7 +120,7 @@ def test_ships_have_their_measures_and_a_picture(tmp_path):
     )
     table.length.attrs["units"] = "m"
     path = stored(tmp_path / "s.zarr", ships=table, tables__o=scores(a=[1, 2]))
-    duncan, own = ships_of(zarr.open_group(path))
+    duncan, own = describe_ships(zarr.open_group(path))
     assert own["picture"] == "" and own["warning"] == "stands on its stern"
     pixels = np.asarray(Image.open(io.BytesIO(base64.b64decode(duncan["picture"]))))
     assert pixels.shape == (3, 5, 4)

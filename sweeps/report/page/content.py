@@ -21,7 +21,7 @@ from sweeps.report.confusion import confusion_frame, read_predictions
 from sweeps.report.frames import PART, Column, Frame, values_of
 from sweeps.report.headline import accuracy_sentences, headline, headline_for_script
 from sweeps.report.page.provenance import iter_settings, status_of, swept_settings, yaml_text
-from sweeps.report.pictures import CONFUSED, pictures_of, ships_of
+from sweeps.report.pictures import CONFUSED, describe_ships, pictures_of
 from sweeps.report.pivot import lay_out, main_value, select_main
 from sweeps.report.ranking import main_axis
 from sweeps.report.scales import axis_of, figure_of
@@ -59,7 +59,7 @@ def store_content(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[str, Any
         "swept": swept_settings(store, settings),
         "confused": pictures.pop(CONFUSED, None),
         "pictures": pictures,
-        "ships": ships_of(store),
+        "ships": describe_ships(store),
         "timings": None if timings is None else lay_out(timings),
         **charts,
     }
