@@ -23,7 +23,7 @@ from sweeps.engine.store.writing import zarr_store
 from sweeps.report.words import MAIN, preferred_value
 
 PROFILE_ERROR = "range_profile/profile_error"
-PRINTED_GROUPS = ("tables", PROFILE_ERROR)  # what the report prints
+PRINTED_GROUPS = ("tables", PROFILE_ERROR)  # of which the report prints figures
 # Dimensions of profiles and images.
 ARRAY_DIMS = (
     *("down_range", "lag", "row", "column", "col", "angle", "radius"),

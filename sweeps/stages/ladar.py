@@ -288,7 +288,7 @@ profile_bins = PROFILE.stage(
     name="profile_bins",
 )(library.bin_centres)
 
-_SIGHT = {  # what the carrier-to-noise ratio depends on
+_SIGHT = {  # inputs of the carrier-to-noise ratio
     name: getattr(Grid if hasattr(Grid, name) else Ladar, name) for name in cnr_at_range.arguments
 }
 

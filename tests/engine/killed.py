@@ -32,7 +32,7 @@ def _forking():
 
 
 def killed_at(moment, store, cache, values):
-    """Run in a process that ends, as by SIGKILL, when it is about to touch its so manieth file."""
+    """Run in a process that ends, as by SIGKILL, when it is about to touch the file number `moment`."""
     forking = _forking()
     case = [moment, str(store.parent), store.name, cache.name, values]
     forking.stdin.write(json.dumps(case) + "\n")
