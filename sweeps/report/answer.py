@@ -59,8 +59,7 @@ def _other_settings(frame: Frame, candidates: Sequence[Candidate]) -> str:
             if best.get(words) != value and value not in differing.setdefault(words, []):
                 differing[words].append(value)
     listed = [f"{words} {' or '.join(values)}" for words, values in differing.items() if values]
-    subject = "Other classifiers" if "classifier" in frame.columns else "Others"
-    return f"{subject} use {', '.join(listed)}." if listed else ""
+    return f"Where they apply: {', '.join(listed)}." if listed else ""
 
 
 def thin_lines(lines: Sequence[Line], count: int) -> list[Line]:

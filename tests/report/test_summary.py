@@ -46,7 +46,7 @@ def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypat
     assert len(lines) <= 30 and max(map(cell_len, lines)) <= 80
     assert re.search(r"^Best of 8: .* identifies \d+ % \[\d+–\d+\]", unwrapped(text))
     assert "chance 50 %" in unwrapped(text)
-    assert "Other classifiers use vigilance 0.95 or 0.87." in unwrapped(text)
+    assert "Where they apply: vigilance 0.95 or 0.87." in unwrapped(text)
     assert text.count("────\n") == 1 and "0-15°" not in text
     assert {"store   sweep.zarr", "page    sweep-report.html"} <= set(lines)
 
