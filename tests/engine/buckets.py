@@ -1,4 +1,4 @@
-"""A server of buckets on this machine, and places of both kinds for tests."""
+"""Run a local S3 server (moto) with one bucket for tests."""
 
 import os
 import secrets
@@ -18,7 +18,7 @@ BUCKET = "bucket"
 
 @contextmanager
 def serving() -> Iterator[dict[str, str]]:
-    """Run a server with a bucket; yield the environment that leads to it."""
+    """Run a server with a bucket; yield the environment variables that clients of it need."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]

@@ -1,4 +1,4 @@
-"""Fixtures of several tests of executors."""
+"""Fixtures shared by the tests of the engine: executors, buckets and places."""
 
 import signal
 import uuid
@@ -14,8 +14,10 @@ from sweeps.engine.run.executors import open_executor
 
 @pytest.fixture(scope="module")
 def at_a_terminal():
-    """Interrupts are heard, as by a command that is typed: what runs in the background ignores
-    them, and so would all that it starts."""
+    """Handle SIGINT as a command typed at a terminal does.
+
+    Processes started in the background ignore SIGINT, and so do the processes they start.
+    """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -23,7 +25,7 @@ def at_a_terminal():
 
 @pytest.fixture(scope="module", autouse=True)
 def no_server_of_other_tests():
-    """A worker restarted while its cluster closes may start a fork server that outlives both."""
+    """End any fork server that a worker, restarted while its cluster closed, has left running."""
     eventually(no_server)
 
 
@@ -36,7 +38,7 @@ def no_server():
 
 @pytest.fixture(scope="module")
 def local(no_server_of_other_tests, at_a_terminal):
-    # The environment of the user does not decide, whatever it holds.
+    # Workers must ignore the number of threads in the user's environment.
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("OMP_NUM_THREADS", "7")
         with open_executor(ClusterChoice(workers=2), say=silent) as run:
@@ -50,7 +52,7 @@ def impatient(monkeypatch):
 
 @pytest.fixture(scope="session")
 def served():
-    """The environment that leads to a server with a bucket."""
+    """Run a server with a bucket; yield the environment variables that clients of it need."""
     if buckets.ABSENT:
         pytest.skip(buckets.ABSENT)
     with buckets.serving() as environment:
@@ -59,7 +61,7 @@ def served():
 
 @pytest.fixture
 def bucket(served, monkeypatch):
-    """A new place in a bucket, as URL."""
+    """Return the URL of a new place in a bucket."""
     for name, value in served.items():
         monkeypatch.setenv(name, value)
     return f"s3://{buckets.BUCKET}/{uuid.uuid4().hex}"
@@ -67,5 +69,5 @@ def bucket(served, monkeypatch):
 
 @pytest.fixture(params=["folder", "bucket"])
 def place(request, tmp_path):
-    """A new place of either kind."""
+    """Return a new place: a folder, or a URL in a bucket."""
     return tmp_path if request.param == "folder" else request.getfixturevalue("bucket")

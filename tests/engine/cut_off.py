@@ -1,6 +1,6 @@
-"""A sweep one of whose workers is cut off for a minute while it computes, run as a script.
+"""Script that runs a sweep and suspends one of its workers for a minute while it computes.
 
-Its argument is a folder, in which each computation leaves a mark: its cell and its process.
+Its argument is a folder. Each computation creates a file there, named by its cell and process.
 """
 
 import json
@@ -15,12 +15,12 @@ from toys import Few, run_few
 from sweeps.engine.declare.stage import Group, Output, stage
 
 MINUTE = 60.0
-MARKS = "SWEEP_TEST_MARKS"  # variable of the folder
+MARKS = "SWEEP_TEST_MARKS"  # environment variable that holds the path of the folder
 
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def slow(size):
-    """A number that takes two seconds, and a mark."""
+    """Create the file of this computation, wait two seconds and return a number."""
     mark = Path(os.environ[MARKS]) / f"{size} {os.getpid()} {time.monotonic_ns()}"
     mark.touch()
     time.sleep(2)
@@ -28,7 +28,7 @@ def slow(size):
 
 
 def main(folder):
-    """Sweep six cells with two workers; print the one that was cut off, and the time it took."""
+    """Sweep six cells with two workers; print failures, the suspended worker and the duration."""
     os.environ[MARKS] = str(folder)
     victims = []
 

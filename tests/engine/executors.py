@@ -1,4 +1,4 @@
-"""What tests have executors do, and what they ask of the outcomes."""
+"""Tasks that tests submit to executors, and helpers that start, inspect and await them."""
 
 import json
 import os
@@ -40,7 +40,7 @@ def refuse_odd(number):
 
 
 def span(seconds):
-    """Process and thread of a task, and when it ran."""
+    """Sleep; return the process and thread of this task, and when it began and ended."""
     begin = time.monotonic()
     time.sleep(seconds)
     return os.getpid(), threading.get_ident(), begin, time.monotonic()
@@ -51,13 +51,13 @@ def blas_threads():
 
 
 def started_with():
-    """What the process itself was started with, whatever was set in it since."""
+    """Return the environment this process was started with, as a set of NAME=VALUE."""
     lines = Path("/proc/self/environ").read_bytes().split(b"\0")
     return {line.decode() for line in lines}
 
 
 def gather(run):
-    """Outcomes of all submitted tasks, by number."""
+    """Wait for all submitted tasks; return result and error of each by its number."""
     outcomes = {}
     while batch := run.wait():
         outcomes |= {number: (result, error) for number, result, error in batch}
@@ -72,7 +72,7 @@ def result_of(run, function, *arguments):
 
 
 def eventually(condition):
-    """Wait until a condition holds."""
+    """Wait until a condition holds; fail after 30 seconds."""
     deadline = time.monotonic() + 30
     while not condition():
         assert time.monotonic() < deadline, "it never came about"
@@ -80,9 +80,9 @@ def eventually(condition):
 
 
 def running_server():
-    """The process from which this one has its workers forked; None if there is none."""
+    """Return the fork server that forks the workers of this process; None if there is none."""
     for child in psutil.Process().children():
-        with suppress(psutil.Error):  # one that has just ended
+        with suppress(psutil.Error):  # the child may have just ended
             is_server = any(forkserver.__name__ in word for word in child.cmdline())
             if is_server and child.status() != psutil.STATUS_ZOMBIE:
                 return child
@@ -90,7 +90,7 @@ def running_server():
 
 
 def parsed(path):
-    """Content of a JSON file, or None while another process has yet to write the end of it."""
+    """Return the content of a JSON file; None if it is absent or not yet completely written."""
     try:
         return json.loads(path.read_text())
     except (FileNotFoundError, json.JSONDecodeError):
@@ -98,7 +98,7 @@ def parsed(path):
 
 
 def written(security, folder):
-    """Choice of certificates that are written into a folder."""
+    """Write certificates into a folder; return the cluster settings that name these files."""
     texts = {"ca": security.tls_ca_file, "key": security.tls_client_key}
     texts["cert"] = security.tls_client_cert
     for name, text in texts.items():
@@ -114,7 +114,7 @@ def written(security, folder):
 def cluster_at(folder, **variables):
     """Run a scheduler with two workers of two threads each; yield its choice and the processes.
 
-    They have some environment variables besides those of this process.
+    The processes get `variables` in addition to the environment of this process.
     """
     folder.mkdir(exist_ok=True)
     files = written(Security.temporary(), folder)
@@ -146,7 +146,7 @@ def cluster_at(folder, **variables):
 
 @contextmanager
 def meanwhile(function):
-    """Call a function in a thread, which ends without error."""
+    """Call a function in a thread during the `with` block; assert that it raises no error."""
     errors = []
 
     def called():

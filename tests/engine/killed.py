@@ -1,8 +1,8 @@
-"""Sweeps of the springs that end at a moment, forked from a process that has imported it all.
+"""Run sweeps of the springs that end at a given file operation, each in a forked process.
 
-Run as a script with a line of JSON on stdin for each: the moment, the folder, the names in it of
-store and cache, and what is asked. Prints a line when it has ended. No process is forked from one
-that has read or written a place, whose threads it would lack.
+Run as a script, it reads a line of JSON from stdin for each sweep: the number of the operation,
+the folder, the names of store and cache in it, and the settings. It prints a line when the sweep
+has ended. The parent never accesses a store or cache: a fork would lack the threads this starts.
 """
 
 import json
@@ -32,7 +32,7 @@ def _forking():
 
 
 def killed_at(moment, store, cache, values):
-    """Run in a process that ends, as by SIGKILL, when it is about to touch the file number `moment`."""
+    """Run a sweep in a process that exits, as by SIGKILL, at file operation number `moment`."""
     forking = _forking()
     case = [moment, str(store.parent), store.name, cache.name, values]
     forking.stdin.write(json.dumps(case) + "\n")
@@ -41,8 +41,8 @@ def killed_at(moment, store, cache, values):
 
 
 def main():
-    """Run the sweeps of stdin."""
-    import xarray  # noqa: F401  which tables need
+    """Run the sweeps that stdin lists, one a line."""
+    import xarray  # noqa: F401  tables need it
     from toys import go
 
     from sweeps.engine.cache.objects import Objects

@@ -1,4 +1,4 @@
-"""Packs and caches of tests."""
+"""Helpers that write, find and compare packs and cells of a cache."""
 
 import hashlib
 
@@ -9,7 +9,7 @@ from sweeps.engine.cache.packs import Locations, Pack, PackWriter, open_packs, r
 from sweeps.engine.declare.stage import Output
 
 SMALL = [Output(f"output {number}", ("row",), "f8") for number in range(2)]
-"""What `small` returns."""
+"""The outputs that `small` returns."""
 
 
 def keys(*names) -> np.ndarray:
@@ -25,7 +25,7 @@ def write_pack(cells: Objects, stage: str, names, arrays, seconds=0.0) -> Pack:
 
 
 def locations(path: str, rows, names) -> Locations:
-    """Cells of a pack, by row and key."""
+    """Return the locations of cells in one pack, given their rows and the names of their keys."""
     rows = np.array(rows, np.int32)
     return Locations([path], 0 * rows, rows, keys(*names))
 
@@ -40,7 +40,7 @@ def written(cells: Objects, *names, stage="render") -> Pack:
 
 
 def same(cell, expected) -> bool:
-    """Same names in the same order, and the same dtype, shape and bits of each."""
+    """Return whether names and their order, and dtype, shape and bits of each array are equal."""
     return list(cell) == list(expected) and all(
         (cell[name].dtype, cell[name].shape, cell[name].tobytes())
         == (array.dtype, array.shape, array.tobytes())
@@ -49,7 +49,7 @@ def same(cell, expected) -> bool:
 
 
 def whole(cells: Objects, index, names) -> bool:
-    """True if all cells are found, and read as they were written."""
+    """Return whether the index finds all cells and they are read as they were written."""
     index.refresh()
     cell_locations = index.find(keys(*names), SMALL)
     read = read_cells(cells, cell_locations)
@@ -59,5 +59,5 @@ def whole(cells: Objects, index, names) -> bool:
 
 
 def pack_files(cache):
-    """Files of the packs of a cache in a folder."""
+    """Return the sorted paths of all packs of a cache in a folder."""
     return sorted(cell for cell in open_packs(cache).path.rglob("*.pack"))

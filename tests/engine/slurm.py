@@ -1,4 +1,4 @@
-"""A real Slurm of one node on loopback, of Debian's packages, with all of its files in a folder."""
+"""Run a real Slurm (Debian packages) of one node on loopback, with all of its files in a folder."""
 
 import os
 import secrets
@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 DAEMONS = ("munged", "slurmctld", "slurmd")
 PACKAGES = "slurmctld slurmd slurm-client munge"
 MEMORY = 4000  # MiB that jobs may ask for
-CORES = 4  # of which the machine may have less
+CORES = 4  # the machine may have fewer
 
 CONFIGURATION = """
 ClusterName=loopback
@@ -46,7 +46,7 @@ PartitionName=compute Nodes={host} Default=YES MaxTime=1:00:00 State=UP
 
 
 def missing():
-    """Why no Slurm can be started here; empty if one can."""
+    """Return why no Slurm can be started here; an empty string if one can."""
     lacking = [name for name in (*DAEMONS, "sbatch") if shutil.which(name) is None]
     if lacking:
         return f"no {', '.join(lacking)} here (apt install {PACKAGES})"
@@ -54,13 +54,13 @@ def missing():
 
 
 def asked(command, *arguments):
-    """What a command of Slurm prints, in words."""
+    """Run a command of Slurm; return the words that it prints."""
     done = subprocess.run([command, *arguments], capture_output=True, text=True, check=True)
     return done.stdout.split()
 
 
 def free_ports(count):
-    """Ports of the loopback interface that nobody listens on."""
+    """Return ports of the loopback interface on which no process listens."""
     sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
     ports = [socket_.getsockname()[1] for socket_ in sockets]
     for socket_ in sockets:
@@ -70,7 +70,7 @@ def free_ports(count):
 
 @contextmanager
 def started(folder):
-    """Run the daemons, whose configuration is yielded, for `SLURM_CONF`."""
+    """Run the daemons; yield the path of their configuration, for `SLURM_CONF`."""
     for name in ("state", "spool"):
         (folder / name).mkdir(parents=True)
     key, configuration = folder / "munge.key", folder / "slurm.conf"
@@ -89,5 +89,5 @@ def started(folder):
         yield configuration
     finally:
         for name in reversed(DAEMONS):
-            with suppress(OSError, ValueError):  # of one that has not started
+            with suppress(OSError, ValueError):  # the daemon may not have started
                 os.kill(int((folder / f"{name}.pid").read_text()), signal.SIGKILL)

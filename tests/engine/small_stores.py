@@ -1,4 +1,4 @@
-"""Small stores, and how to look into them."""
+"""Helpers that make small stores and read their content."""
 
 import itertools
 import json
@@ -20,23 +20,23 @@ COUNTS = np.arange(105).reshape(SHAPE)
 
 
 def array(values, fill=None, chunks=CHUNKS, read=None, **attrs):
-    """An array of values, or of those that a function reads."""
+    """Return an array of values, which `read` returns by region if it is given."""
     dims, read = DIMS[: values.ndim], read or values.__getitem__
     return Array(dims, values.shape, values.dtype, attrs, read, chunks, fill)
 
 
 def coordinate(dims, values, **attrs):
-    """A coordinate of values."""
+    """Return a coordinate with these values."""
     return Array.from_values(dims, values, attrs, coordinate=True)
 
 
 def below(place, name):
-    """A path or URL in another."""
+    """Return the path or URL of a name in a place."""
     return f"{place}/{name}" if isinstance(place, str) else place / name
 
 
 def small(value):
-    """Groups of a store whose every value tells which store it is of."""
+    """Return groups of a store in which every value of x is `value`."""
     values = np.full((4, 6), value, dtype="f4")
     ships = coordinate(("ship",), np.array(["Ålesund", "b", "", "ddd"]), long_name="ship")
     x = array(values, fill=np.nan, chunks=(1, 6))
@@ -44,7 +44,7 @@ def small(value):
 
 
 def files(path):
-    """Contents of all files below a folder or URL, by relative name."""
+    """Return the contents of all files below a folder or URL, by relative name."""
     if isinstance(path, str):
         there = Objects(path)
         return {name: there.get(name) for name in there.sizes()}
@@ -56,10 +56,10 @@ def files(path):
 
 
 def contents(path):
-    """What a store holds: metadata of its nodes, and each chunk by array and place.
+    """Return the metadata of all nodes of a store, and each chunk by array and index.
 
-    Two stores may have other names for equal chunks. All metadata agree, and no object is left that
-    its manifest does not name.
+    Equal stores may differ in the names of their chunk files. Also assert that the store is
+    undamaged and that its consolidated metadata agree with those of each node.
     """
     assert verify(path) == []
     there = files(path)
@@ -89,12 +89,12 @@ def contents(path):
 
 
 def chunks_of(node):
-    """Shape of chunks of an array, by its metadata."""
+    """Return the shape of the chunks of an array, given its metadata."""
     return node["chunk_grid"]["configuration"]["chunk_shape"]
 
 
 def opened(path, group):
-    """A group as its users open it; any warning is an error."""
+    """Open and load a group as users do, with warnings as errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         place = zarr_store(path) if isinstance(path, str) else path

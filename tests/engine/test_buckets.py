@@ -1,4 +1,4 @@
-"""Sweeps into a bucket: resumed, extended, damaged and reported as on a disk, without a secret."""
+"""Sweeps into buckets resume, extend, repair and report stores as on a disk and leak no secret."""
 
 import json
 from pathlib import Path
@@ -125,7 +125,7 @@ def test_secrets_are_in_no_store_log_or_message(bucket, tmp_path, served):
         assert done.returncode == status, done.stderr
         outputs.append((done.stdout + done.stderr).encode())
 
-    run("spring.limit=1.5", status=1)  # a cell fails, and its arguments are kept
+    run("spring.limit=1.5", status=1)  # a cell fails, and its arguments are written to a log
     run("spring.limit=1.5", "dry_run=true")
     run("spring.mass=7", status=2)
     name = f"http://{buckets.SECRET}:{buckets.SECRET}@127.0.0.1:9"

@@ -1,4 +1,4 @@
-"""Addresses where no scheduler can be used: nobody there, no workers, no certificates, gone."""
+"""Cluster addresses without a usable scheduler are refused: no answer, bad files, no workers."""
 
 import socket
 import threading
@@ -22,7 +22,7 @@ def unanswered(address):
 
 @contextmanager
 def nobody(listens=False):
-    """Port that nobody, or somebody who never answers, listens on."""
+    """Yield a port on which no process listens, or one that listens but never answers."""
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         if listens:

@@ -1,4 +1,4 @@
-"""Settings of clusters that do not fit together."""
+"""`ClusterChoice` refuses settings that do not fit together and names the wrong one."""
 
 import pytest
 

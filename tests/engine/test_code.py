@@ -1,4 +1,4 @@
-"""The hash of the code behind a function: what changes it, and what must not."""
+"""The hash of the code behind a function changes with it and its libraries, with nothing else."""
 
 import importlib
 import json
@@ -37,7 +37,7 @@ def write(folder: Path, files: dict[str, str]) -> Path:
 
 @pytest.fixture
 def digest_in(monkeypatch):
-    """Digest of a function of a folder's project, as a new process would make it."""
+    """Return a function that computes a digest of a folder's project as a new process would."""
     loaded = set(sys.modules)
 
     def forget():
@@ -115,7 +115,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
         file.write_text(damaged)
         assert digest() == expected
         assert json.loads(file.read_text()) == json.loads(content)
-    # Another source, or another rule, is another key; what is there counts as it is.
+    # The file is keyed by source and rule, and entries found under a key are used unchecked.
     file.write_text(re.sub(r'\["[0-9a-f]{32}",', f'["{32 * "0"}",', content))
     assert digest() != expected
     file.parent.chmod(0o720)

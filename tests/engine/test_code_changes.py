@@ -1,4 +1,4 @@
-"""Which changes of sources change the hash of a function: what it computes, not how it looks."""
+"""Source changes alter the hash of a function if they change its computation, not its layout."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ FILES, DECLARED = CHANGES["files"], CHANGES["declared"]
 
 @pytest.fixture
 def digest_of(tmp_path, digest_in):  # noqa: F811
-    """The digest of a function of the project with some files in the place of others."""
+    """Return a function that computes a digest of the project with some files replaced."""
 
     def digest(files, module="fleet.late", function="late"):
         found: str = digest_in(write(tmp_path, FILES | files), module, function).digest
@@ -24,7 +24,7 @@ def digest_of(tmp_path, digest_in):  # noqa: F811
 
 
 def other(files):
-    """The files with other numbers."""
+    """Return the files with each 2 replaced by 3."""
     return {name: text.replace("2", "3") for name, text in files.items()}
 
 
@@ -80,7 +80,7 @@ def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(
     file, runs = tmp_path / "wood.py", tmp_path / "runs"
 
     def run(text: str) -> tuple[int, str, float, str]:
-        """Cells computed in a new process, a label and a table of the store, and the messages."""
+        """Run a script; return cells computed, a label and a table of the store, and messages."""
         file.write_text(text)
         runs.write_text("")
         done = python(file, cwd=tmp_path, check=False)

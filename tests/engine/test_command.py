@@ -1,4 +1,4 @@
-"""The command line: what it exits with, what it says, and that printing costs no results."""
+"""The command line: its exit statuses and messages, and that failing output loses no results."""
 
 import errno
 import re
@@ -21,7 +21,7 @@ from sweeps.engine.declare.kinds import format_value
 
 @pytest.fixture
 def start(tmp_path, monkeypatch):
-    """Run a command line in a folder of its own; its exit status."""
+    """Return a function that runs a command line in a new folder and returns its exit status."""
     monkeypatch.chdir(tmp_path)
 
     def start(*arguments):
@@ -60,7 +60,7 @@ def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
 
 def test_a_sweep_ends_with_its_tables_its_store_and_the_next_command(start, capsys):
     assert start("store=a b.zarr") == 0
-    for _ in range(2):  # the second time, nothing is computed
+    for _ in range(2):  # the second run computes nothing
         words, table, end = capsys.readouterr().out.split("\n\n")
         assert words.startswith("Best ") and words.endswith(".")
         assert "best" in table.split("\n")[0] and "[kg]" in table and len(table.split("\n")) > 2
@@ -111,7 +111,7 @@ def test_an_error_of_a_disk_is_one_sentence(start, capsys, monkeypatch, number, 
 
 @pytest.mark.parametrize("kind", ["inline", "local"])
 def test_workers_prepare_before_the_first_cell(kind, capsys, tmp_path, monkeypatch):
-    """Two functions are called once each, by a worker, after the sentence on them."""
+    """Each of two functions is called once; the message about them precedes the last line."""
     monkeypatch.chdir(tmp_path)
 
     def prepare(choices, say):
@@ -144,7 +144,7 @@ def test_a_preparation_that_fails_is_one_sentence(capsys, tmp_path, monkeypatch)
     ],
 )
 def test_the_fork_server_starts_before_choices_are_checked(words, starts, tmp_path, monkeypatch):
-    """It imports modules while the command builds what its check asks for, if workers follow."""
+    """It starts to import modules before choices are checked, and only if workers may follow."""
     monkeypatch.chdir(tmp_path)
     Path("there.zarr").mkdir()
     order = []
@@ -176,7 +176,7 @@ def test_what_is_wrong_exits_with_2_and_one_sentence(start, tmp_path, capsys, ar
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     before = files(tmp_path)
-    assert start(*argument.split(" ")) == 2  # as a shell splits it
+    assert start(*argument.split(" ")) == 2  # split as a shell does
     output = capsys.readouterr()
     (sentence,) = output.err.splitlines()
     assert output.out == "" and sentence.startswith("springs: ") and REFUSED[argument] in sentence
@@ -222,12 +222,12 @@ def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
     assert (
         re.search(r"answers +24 +16 +8\n", output) and "4 calls to run; new results 0.00" in output
     )
-    # Without the cache, a store that has everything counts, and no other.
+    # Without the cache, a store that lacks a cell cannot be reused.
     assert start(*overrides, "cache=new", "measured.rule=[max,mean,min]") == 0
     rows = [row.split() for row in capsys.readouterr().out.splitlines()]
     assert ["answers", "24", "0", "24"] in rows and ["noisy", "24", "0", "24"] in rows
     assert ["trace", "24", "0", "24"] in rows
-    assert start("dry_run=true") == 0  # without a store
+    assert start("dry_run=true") == 0  # no store is given
     assert start(*overrides, "spring.mass=9") == 2
     assert files(tmp_path) == before and not (tmp_path / "new").exists()
 
@@ -245,12 +245,12 @@ SIGNALS = {
     signal.SIGHUP: "stopped by SIGHUP",
     signal.SIGINT: "interrupted",
 }
-STIFF = list(range(1, 201))  # some seconds: it is stopped long before its end
+STIFF = list(range(1, 201))  # takes some seconds: the sweep is stopped long before its end
 
 
 @pytest.fixture(scope="module")
 def ended(tmp_path_factory):
-    """Folder and exit status of commands whose output goes nowhere, or that are stopped."""
+    """Return folder and status of commands with failing or ASCII output, or stopped by signals."""
     folders = {name: tmp_path_factory.mktemp(str(name)) for name in (*PRINTED, *SIGNALS)}
     cases = []
     for name, output in PRINTED.items():
@@ -266,7 +266,7 @@ def ended(tmp_path_factory):
 
 def test_printing_costs_no_results(ended):
     statuses = {name: ended[name][1] for name in PRINTED}
-    assert statuses == dict.fromkeys(PRINTED, 0) | {"full": 1}  # and a closed pipe is no error
+    assert statuses == dict.fromkeys(PRINTED, 0) | {"full": 1}  # a closed pipe is no error
     stores = {name: next(ended[name][0].glob("*.zarr")) for name in PRINTED}
     assert stores["ascii"].name == "s [bold] ä.zarr"
     for name in PRINTED:

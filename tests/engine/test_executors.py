@@ -1,4 +1,4 @@
-"""Executors of every kind: equal results, errors by number, one thread a process, the same code."""
+"""Executors of all kinds return equal results and errors, run one task a process, check code."""
 
 from collections import Counter
 from dataclasses import replace
@@ -37,9 +37,9 @@ def inline():
 
 @pytest.fixture(scope="module")
 def running(request, tmp_path_factory):
-    """Choice of a scheduler that runs on its own, with two workers of two threads each.
+    """Run a separate scheduler with two workers of two threads each; yield its cluster choice.
 
-    They see the bucket, if there is one.
+    The workers can access the bucket if its server can run here.
     """
     variables = {} if buckets.ABSENT else request.getfixturevalue("served")
     folder = tmp_path_factory.mktemp("scheduler")
@@ -61,7 +61,7 @@ def any_executor(request):
 
 
 def timed(number):
-    """Draws of a number, refused if it is odd, and the process, thread and time of this task."""
+    """Return draws, and process, thread and times of this task; fail for odd numbers."""
     return executors.draw(executors.refuse_odd(number), 100), executors.span(0.02)
 
 
@@ -99,14 +99,14 @@ def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
     assert inline.failures and sorted(inline.failures) == sorted(remote.failures)
     assert files(stores["inline"]) == files(stores["remote"])
     done = {name: progress.done for name, progress in remote.progress.items()}
-    assert done["noisy"] and done["answers"]  # which draws, and which gathers
+    assert done["noisy"] and done["answers"]  # noisy draws numbers, answers gathers cells
     assert done == {name: progress.done for name, progress in inline.progress.items()}
 
 
 def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     running, place, tmp_path, monkeypatch
 ):
-    """Each chunk of cells whole, by one of them; coordinates, states and metadata are its own."""
+    """Each chunk of cells is sent once, to one worker; the command writes manifest and metadata."""
     sent, local = Counter(), []
     submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
@@ -151,7 +151,7 @@ def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
 
 def test_workers_that_leave_while_a_store_is_written_are_sent_nothing_more(tmp_path):
     class Leaving:
-        """Four workers, of which one is left after the first answer."""
+        """Executor of four workers, of which one remains after the first answer."""
 
         worker_count, numbers = 4, []
 
@@ -205,10 +205,10 @@ def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
 
 
 class Elsewhere(Objects):
-    """A folder of this machine alone."""
+    """A folder that only this machine sees."""
 
     def put(self, name, content):
-        """Write nothing that others see."""
+        """Write nothing, as workers would see the file."""
 
 
 def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):

@@ -1,4 +1,4 @@
-"""Stores that grow: on any axis, at any place, with or without a cache; and those that may not."""
+"""Stores can be extended on any axis, with or without a cache; other changes are refused."""
 
 import shutil
 import zlib
@@ -28,7 +28,7 @@ GROWN = {
 
 @pytest.fixture(scope="module")
 def grown(tmp_path_factory):
-    """Stores of single runs, by what was asked for."""
+    """Return a function that gives the store of one run with some settings, made only once."""
     folder, stores = tmp_path_factory.mktemp("grown"), {}
 
     def clean(**values):
@@ -49,7 +49,7 @@ def test_a_store_grows_on_any_axis(grown, tmp_path, given):
     finished = go(store, cache, **given)
     assert contents(store) == contents(grown(**given))
     for name, progress in finished.progress.items():
-        if name != "answers" or "spring__stiffness" not in given:  # which these gather
+        if name != "answers" or "spring__stiffness" not in given:  # answers gather stiffnesses
             assert progress.reused == CELLS[name], name
 
 
@@ -58,10 +58,10 @@ def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):
     go(store, cache)
     CALLS.clear()
     go(store, cache, measured__length=[2, 3, 4])
-    assert CALLS == {"noisy": 12, "trace": 12, "answers": 8}  # those of one length
+    assert CALLS == {"noisy": 12, "trace": 12, "answers": 8}  # the cells of one length
     CALLS.clear()
     go(store, cache, measured__length=[2, 3, 4], measured__rule=["max", "mean", "min"])
-    assert CALLS == {"answers": 12}  # those of one rule
+    assert CALLS == {"answers": 12}  # the cells of one rule
 
 
 def test_without_a_cache_only_a_store_that_lacks_something_is_computed_again(grown, tmp_path):
@@ -76,7 +76,7 @@ def test_without_a_cache_only_a_store_that_lacks_something_is_computed_again(gro
 
 
 class Cut(Settings, key="cut"):
-    """Of pieces of a series."""
+    """Settings of pieces of a series."""
 
     begin = count([3, 5, 9], label="begin")
     size = count([1, 4], label="size")
@@ -92,7 +92,7 @@ class Cut(Settings, key="cut"):
     group=Group("pieces", dims=("bin", "begin")),
 )
 def piece(begin, size):
-    """A piece that looks like its padding, and one that is empty where it is short."""
+    """Return arrays, of which some equal their padding and some are empty; fail for one cell."""
     CALLS["piece"] += 1
     if begin == 9 and size == 4:
         raise ValueError("too far")
@@ -104,7 +104,7 @@ def piece(begin, size):
 
 @stage(Output("hash", label="hash", dtype="i8"), uses=(Cut,), group=Group("hashes"))
 def hashed(piece):
-    """What the next stage is given: a number for the bytes and the types of all."""
+    """Return a checksum of the names, types, shapes and values of all arrays that it gets."""
     arrays = [(name, piece[name].dtype.str, piece[name].tolist()) for name in sorted(piece)]
     return zlib.crc32(repr([*arrays, *(array.shape for array in piece.values())]).encode())
 
@@ -116,13 +116,13 @@ def test_ragged_arrays_come_back_as_they_were(tmp_path):
     run(experiment, choices, tmp_path / "s.zarr", tmp_path / "a")
     CALLS.clear()
     run(both, choices, tmp_path / "s.zarr", tmp_path / "a")
-    assert CALLS == {"piece": 1}  # the one that failed
+    assert CALLS == {"piece": 1}  # the cell that failed
     run(both, choices, tmp_path / "t.zarr", tmp_path / "c")
     assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
 
 
 class Named(Settings, key="named"):
-    """A file, by name, and an axis."""
+    """Settings: the name of a file, and an axis."""
 
     name = text("a", label="name")
     size = count([1, 2], label="size")
@@ -131,15 +131,15 @@ class Named(Settings, key="named"):
 CONTENT = {"digest": "one"}
 
 
-@plain(uses=(Named,), version="1")  # a file is none of its code
+@plain(uses=(Named,), version="1")  # its code does not include the file
 def content(name):
-    """What is in a file that a setting names."""
+    """Return the content of the file that a setting names."""
     return CONTENT["digest"]
 
 
 @stage(Output("read", label="read", dtype="U3"), uses=(Named,), group=Group("read"))
 def reading(content, size):
-    """A result of that file."""
+    """Return a result that depends on that file."""
     CALLS["reading"] += 1
     return content
 
@@ -185,7 +185,7 @@ def test_other_code_is_refused(grown):
 
 
 def joined(points, labels=None):
-    """Choices in which stiffness and mass run together."""
+    """Return choices in which stiffness and limit run together, point by point."""
     choices = read_choices(SPRINGS.declared, {"measured.draw": 1})
     values = [sorted({point[k] for point in points}) for k in range(2)]
     ours = {"spring.stiffness": tuple(values[0]), "spring.limit": tuple(values[1])}

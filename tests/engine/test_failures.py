@@ -1,4 +1,4 @@
-"""Cells that fail, results that are damaged, disks that are full: the rest goes on and heals."""
+"""After failed cells, damaged results and full disks, a later run completes the same store."""
 
 import errno
 import time
@@ -38,7 +38,7 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
         assert (status[variable].sel(lost) == 0).all()
         assert np.isfinite(springs[variable]).sum() == (status[variable] == 1).sum()
     assert (status.energy == 1).all() and (status.trace == 1).all()
-    # What gathers them goes on without those that failed.
+    # A stage that gathers cells with a mask is computed without the failed ones.
     noisy, answers, states = springs.noisy, opened(store, "answers"), opened(store, "status").taken
     assert (states.sel(mass=1, stiffness=4) == 0).all()
     assert states.sum() == 2 * 2 * 2 * (3 * 2 - 1)
@@ -48,7 +48,7 @@ def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
 
 
 class Broken(dict):
-    """Values for which stages fail, whose results do not depend on it: it counts by its name."""
+    """Values for which stages fail; pickled by name, so that keys do not depend on the values."""
 
     def __reduce__(self):
         return "BROKEN"
@@ -65,7 +65,7 @@ ALL = Group("all", status=Status("all", "state of all", (Few.size,)))
     group=ALL,
 )
 def first(size):
-    """Computed together; some values may fail."""
+    """Return roots of all sizes in one call, which fails if it has any of the failing values."""
     CALLS["first"] += len(size)
     if BROKEN["values"] & set(size):
         raise RuntimeError("out of order")
@@ -74,7 +74,7 @@ def first(size):
 
 @in_memory(uses=(Few,))
 def made(size):
-    """An object that cannot be made while others fail."""
+    """Return the size; fail if size + 10 is among the failing values."""
     if size + 10 in BROKEN["values"]:
         raise RuntimeError("cannot be made")
     return size
@@ -82,7 +82,7 @@ def made(size):
 
 @stage(Output("second", label="second", dtype="f8"), uses=(Few,), group=ALL)
 def second(first, made):
-    """What needs both."""
+    """Return the sum of the results of two stages."""
     return first + made
 
 
@@ -93,19 +93,19 @@ def second(first, made):
     group=ALL,
 )
 def total(second, valid):
-    """A sum of what is there; in vain where nothing is."""
+    """Return the sum over all valid cells."""
     return second[valid].sum()
 
 
 @in_memory(uses=(Few,), gather=(Few.size,))
 def largest(second):
-    """An object of all of them."""
+    """Return an object that needs all cells of `second`."""
     return second.max()
 
 
 @stage(Output("share", label="share", dtype="f8"), uses=(Few,), group=ALL)
 def share(second, largest):
-    """What needs all of them, through an object."""
+    """Return a result that needs all cells of `second`, through an object."""
     return second / largest
 
 
@@ -114,7 +114,7 @@ FLAKY = of(first, made, second, total)
 
 @pytest.fixture
 def broken():
-    """Values for which the stages fail."""
+    """Yield the values for which stages fail; clear them at the end."""
     yield BROKEN
     BROKEN["values"] = frozenset()
 
@@ -133,7 +133,7 @@ def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, v
     assert len(finished.failures) == len(values)
     there, state = opened(store, "all"), opened(store, "status")["all"]
     failed = [n in values or n + 10 in values for n in (1, 2, 3, 4)]
-    # A cell that failed, and not those that need it and are missing.
+    # The state marks the cells of sizes that failed and no others.
     assert (state == np.where(failed, 0, 1)).all()
     assert np.isfinite(there["first"]).sum() == 4 - len({value for value in values if value < 10})
     assert np.isfinite(there["second"]).sum() == 4 - len(values)
@@ -174,7 +174,7 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, way):
     CALLS.clear()
     finished = go(tmp_path / "t.zarr", cache, callbacks=recorder.callbacks)
     if way == "gone":
-        assert CALLS["noisy"] == 24  # the index knows it, and there is nothing to be said
+        assert CALLS["noisy"] == 24  # the index has no such packs, so there is no warning
     else:
         assert any(
             "results in the cache are damaged" in sentence for sentence in recorder.sentences
@@ -246,7 +246,7 @@ def test_a_store_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch):
     monkeypatch.undo()
     CALLS.clear()
     go(store, spring__mass=[1, 2, 3])
-    assert not CALLS  # all were kept
+    assert not CALLS  # the cache has all results
     go(tmp_path / "t.zarr", spring__mass=[1, 2, 3])
     assert contents(store) == contents(tmp_path / "t.zarr")
 
@@ -270,7 +270,7 @@ def test_what_gathers_all_without_a_mask_fails_with_one_of_them(tmp_path, broken
 
 @stage(Output("slow", label="slow", dtype="f8"), uses=(Few,), group=ALL)
 def slow(size):
-    """One value takes long, and the others fail at once."""
+    """Sleep 0.3 s for size 1; fail at once for other sizes."""
     if size > 1:
         raise RuntimeError("too large")
     time.sleep(0.3)

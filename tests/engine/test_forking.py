@@ -1,4 +1,4 @@
-"""Workers of this machine are forked from a process that has imported what they need, once."""
+"""Workers on this machine are forked from one server that has imported the modules they need."""
 
 import subprocess
 import sys
@@ -11,11 +11,11 @@ from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import preloaded_modules, start_fork_server
 
-IMPORTS = ("wave",)  # which nothing else imports, nor `tabnanny`
+IMPORTS = ("wave",)  # nothing else imports this module, nor `tabnanny`
 
 
 def parent_and_modules():
-    """Threads of the process that a worker was forked from, and modules that the worker has."""
+    """Return the number of threads of a worker's parent process, and the worker's modules."""
     return psutil.Process().parent().num_threads(), set(sys.modules)
 
 
@@ -25,7 +25,7 @@ def test_workers_have_the_modules_of_stages_and_what_these_list():
     with open_executor(ClusterChoice(workers=1), modules=names, say=silent) as run:
         threads, modules = result_of(run, parent_and_modules)
     assert {"tabnanny", "wave"} <= modules
-    assert threads == 1  # or it would not be safe to fork
+    assert threads == 1  # it is not safe to fork a process with more threads
 
 
 def test_the_next_workers_are_forked_from_the_same_process():
@@ -80,7 +80,7 @@ def test_the_process_ends_with_the_one_that_started_it():
 
 
 def test_the_server_s_module_hides_no_failure_elsewhere():
-    """It ends the fork server at once with status 0, and no other process that imports it."""
+    """The module makes only the fork server exit with status 0, not other processes."""
     code = "import sweeps.engine.run.server, sys; sys.exit(3)"
     done = subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": SEARCH})
     assert done.returncode == 3

@@ -1,4 +1,4 @@
-"""A sweep of one function, without declarations."""
+"""`sweeps.sweep` sweeps one function without declarations and refuses wrong arguments."""
 
 import doctest
 import multiprocessing
@@ -22,25 +22,25 @@ CALLS: list[tuple[float, float]] = []
 
 
 def product(x, y, scale=2.0):
-    """Twice the product."""
+    """Return the product of two numbers and a scale, 2 unless given."""
     CALLS.append((x, y))
     return scale * x * y
 
 
 def powers(base):
-    """Powers from 0 to 3."""
+    """Return the powers of a base from 0 to 3; fail if it is negative."""
     if base < 0:
         raise ValueError("negative")
     return base ** np.arange(4)
 
 
 def noise(sigma, rng):
-    """A random number."""
+    """Return a random number."""
     return sigma * rng.normal()
 
 
 def mixed(word, flag, size):
-    """A number from values of three types."""
+    """Return a number computed from values of three types."""
     assert isinstance(size, int)
     return len(word) * size if flag else 0
 
@@ -70,7 +70,7 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
     assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(results)
     options = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
     elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **options)
-    assert elsewhere.equals(results) and len(CALLS) == 2  # which workers of this machine computed
+    assert elsewhere.equals(results) and len(CALLS) == 2  # worker processes made the other calls
     both = (
         r"values\['x'\] is 4, but .* has 1, 2, 3: give values={'x': \[1, 2, 3, 4\], ...} to have bo"
     )
@@ -86,7 +86,7 @@ def test_arrays_noise_and_values_of_other_types(tmp_path):
     assert run(powers, {"base": [2.0]}, dims=("power",)).powers.values.tolist() == [[1, 2, 4, 8]]
     first = run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise
     assert first.equals(run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise)
-    assert first[0] != first[1] / 2  # each has a stream of its own
+    assert first[0] != first[1] / 2  # each cell has its own random stream
     results = run(
         mixed, {"word": ["bow", "stern"], "flag": [False, True], "size": [1, 2]}, dtype="i4"
     )
@@ -162,14 +162,14 @@ def test_mistakes_are_named(tmp_path, function, values, sentence):
 
 
 def leaving(a):
-    """Exit, as a parser of arguments does."""
+    """Exit for 2, as a parser of arguments does."""
     if a == 2:
         sys.exit(3)
     return a
 
 
 def ending(a):
-    """End the process, unless it is that of the tests."""
+    """End the process for 2, unless it is the process of the tests."""
     if a == 2 and multiprocessing.parent_process() is not None:
         os._exit(1)
     return float(a)
@@ -190,7 +190,7 @@ def test_a_call_that_exits_fails(tmp_path, cluster):
 
 
 def test_a_call_that_kills_its_process_kills_no_other(tmp_path):
-    """Neither where its stage is known to be quick."""
+    """This also holds for a stage that an earlier sweep has shown to be quick."""
     options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
     assert sweeps.sweep(ending, {"a": [1]}, **options).ending.item() == 1
     with pytest.warns(CallsFailed, match="ending a=2: RuntimeError: the worker process died"):
@@ -237,7 +237,7 @@ def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
 
 
 def begun(arguments, folder, text=""):
-    """Run Python, and return what it printed."""
+    """Run Python; return the completed process with its output."""
     path = os.pathsep.join(filter(None, (os.getcwd(), os.environ.get("PYTHONPATH"))))
     options = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 120}
     options |= {"capture_output": True, "text": True, "check": False}
@@ -290,7 +290,7 @@ def test_progress_is_shown_in_a_terminal_and_a_notebook(tmp_path, monkeypatch, c
     drawn = []
 
     class Handle:
-        """A place of a notebook."""
+        """Handle of a display in a notebook."""
 
         def update(self, table):
             drawn.append(table)
@@ -314,4 +314,4 @@ def test_progress_is_shown_in_a_terminal_and_a_notebook(tmp_path, monkeypatch, c
     assert bool(drawn) == (where == "notebook") and len({*map(type, drawn)}) <= 1
     drawn.clear()
     sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
-    assert not drawn  # as nothing is computed
+    assert not drawn  # nothing is computed

@@ -1,4 +1,4 @@
-"""What a swept function returns, and the values that it is called with, in the data set."""
+"""`sweeps.sweep` returns a data set of the results of a function and its argument values."""
 
 import re
 from datetime import datetime
@@ -21,7 +21,7 @@ CALLS: list[object] = []
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
-    """Sweeps a function in a fresh place."""
+    """Return a function that sweeps another in a new folder."""
     monkeypatch.chdir(tmp_path)
 
     def swept(function, values, **options):
@@ -37,7 +37,7 @@ def spectrum(a):
 
 
 def variables(a):
-    """A data set with a data array, a scalar, a text and a scalar coordinate."""
+    """Return a data set with a data array, a scalar, a text and a scalar coordinate."""
     peak = ((), 2.0 * a, {"units": "m"})
     return xr.Dataset({"power": spectrum(a), "peak": peak, "name": f"number {a}"}, {"a": a})
 
@@ -55,7 +55,7 @@ def turning(a):
 
 
 def half(a):
-    """Complex for one value only."""
+    """Return a complex number for 2, the argument otherwise."""
     return 1j if a == 2 else a
 
 
@@ -85,7 +85,7 @@ def shifted(a):
 
 
 def labelled(a):
-    """More labels for larger arguments."""
+    """Return a data set with more labels for larger arguments."""
     return xr.Dataset(
         {"x": ("k", np.arange(a)), "t": ("name", list("abc"[:a]))},
         {"k": np.arange(5, 5 + a), "name": ["a", "bb", "ccc"][:a], "side": ("k", np.arange(a) > 0)},
@@ -199,7 +199,7 @@ def test_times_of_python(run):
     assert results.t.values.tolist() == np.array(times, "M8[ns]").tolist()
     results = run(python_date, VALUES, store="p").python_date
     assert results.values.tolist() == np.array(["2020-01-01", "2020-01-02"], "M8[ns]").tolist()
-    with pytest.warns(CallsFailed):  # of the first of January 0001
+    with pytest.warns(CallsFailed):  # the call that returns the year 1 fails
         missing = run(
             lambda a: np.datetime64("0001") if a == 1 else python_date(a), VALUES, store="m"
         )
@@ -247,7 +247,7 @@ def test_what_the_page_shows_is_so(monkeypatch, tmp_path, capsys):
 
 
 def test_a_fixed_argument_may_be_named_like_an_attribute_of_the_store(tmp_path):
-    """`seed` and `version` are of every group; `coordinates` is xarray's."""
+    """Every group has the attributes `seed` and `version`; xarray uses `coordinates`."""
 
     def total(x, seed, version, coordinates, gain):
         return x + seed + version + coordinates + gain
@@ -274,7 +274,7 @@ def test_results_that_do_not_fit_together_are_refused(run, function, sentence):
 
 
 def test_no_variable_of_a_result_replaces_another(run):
-    """As in a mapping of mappings, whose names are those of the inner ones."""
+    """A mapping of mappings fails if two inner mappings have the same name."""
     with pytest.warns(CallsFailed, match="returned the variable 'y' twice; rename one"):
         run(lambda a: {"x": {"y": a}, "z": {"y": 2 * a}}, VALUES)
 
@@ -326,7 +326,7 @@ def test_variables_that_share_a_dimension_run_together(run):
     )
     results = run(plus, dataset)
     assert results.plus.dims == ("case",) and results.plus.values.tolist() == [357, 167, 167]
-    assert CALLS == [(3, 5, 7), (1, 6, 7)]  # each once
+    assert CALLS == [(3, 5, 7), (1, 6, 7)]  # equal arguments are called once
     assert set(results.coords) == {"a", "b", "c", "case", "note"} and results.c.item() == 7
     xr.testing.assert_equal(results.drop_vars("plus"), dataset.set_coords(["a", "b", "c"]))
     assert results.note.attrs["units"] == "m"
@@ -382,7 +382,7 @@ def test_a_data_set_that_is_no_grid_is_refused(run, given, sentence):
     )
 )
 def test_any_array_comes_back(tmp_path_factory, values):
-    """Row by row, and joined."""
+    """A function returns an array row by row; the result is the whole array."""
     if values.dtype.kind == "M":
         values = np.abs(values.astype(int) % 10**15).astype(values.dtype)
     folder = tmp_path_factory.mktemp("any")

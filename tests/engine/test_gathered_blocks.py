@@ -1,4 +1,4 @@
-"""What is gathered in blocks is read when it is indexed, and is what an array would be."""
+"""Inputs gathered in blocks are read only when indexed, and give the values an array would."""
 
 import tracemalloc
 from dataclasses import replace
@@ -16,21 +16,21 @@ from sweeps.engine.declare.stage import At, Group, Output, stage
 from sweeps.engine.run.tasks import DamagedResultsError, GatheredArray, stage_spec
 
 BOTH = Group("both")
-ROWS = 20_000  # of a cell
+ROWS = 20_000  # numbers in each cell
 SHAPE = (3, 4)
-LACKING = [1, 2, 3, 9]  # cells that are not there
+LACKING = [1, 2, 3, 9]  # absent cells
 
 
 @stage(Output("row", ("k",), dtype="f8"), uses=(Few,))
 def row(size):
-    """Some numbers, of which one size has none."""
+    """Return a row of numbers; fail for size 3."""
     if size == 3:
         raise ValueError("none")
     return np.arange(ROWS) + size
 
 
 def backwards(row, valid):
-    """The numbers of each size, the last size first, read one size at a time."""
+    """Return a number for each size, the last size first, reading one size at a time."""
     rows = [row[k : k + 1] for k in reversed(range(len(row)))]
     assert row.shape == (len(valid), ROWS) and not np.isfinite(row[~valid]).any()
     return np.concatenate(rows)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
@@ -53,7 +53,7 @@ def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
 
 @pytest.fixture(scope="module")
 def gathered(tmp_path_factory):
-    """Cells in two packs, some of them absent, and the array that they would be."""
+    """Return a lazy array of cells in two packs, some absent, and the equal numpy array."""
     packs = open_packs(tmp_path_factory.mktemp("cache"))
     values = np.arange(12.0 * ROWS, dtype="f8").reshape(12, ROWS)
     pack, place = np.arange(12) % 2, np.arange(12) // 2

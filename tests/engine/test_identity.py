@@ -1,4 +1,4 @@
-"""What a function holds counts by its content, however it holds it; what has none is refused."""
+"""Digests of functions include the content of all values they hold, and refuse other objects."""
 
 import collections
 import dataclasses
@@ -31,7 +31,7 @@ def digest(function, version=""):
     return Code(frozenset()).digest(function, version).digest
 
 
-# twelve ways to hold a value ----------------------------------------------------------------------
+# ways to hold a value -----------------------------------------------------------------------------
 
 
 @dataclasses.dataclass
@@ -198,7 +198,7 @@ VALUES = st.recursive(
 
 
 def same(first, second):
-    """Whether two values are of equal types and contents; numbers as they are printed."""
+    """Return whether two values have equal types and contents; compare numbers as printed."""
     if type(first) is not type(second):
         return False
     if isinstance(first, np.ndarray):
@@ -333,7 +333,7 @@ def test_what_was_computed_from_an_object_is_no_part_of_it():
 
 
 def made(text, name="f", **space):
-    """A function of a text, as of a notebook."""
+    """Return a function defined by a source text, as in a notebook."""
     space = {"__name__": "__main__", "np": np, **space}
     exec(text, space)
     return space[name]
@@ -377,7 +377,7 @@ def test_circles_and_shared_values_end():
     assert digest(by_default([[1], [1]])) == digest(by_default([[1]] * 2))
 
 
-# what has no content ------------------------------------------------------------------------------
+# values without content ---------------------------------------------------------------------------
 
 
 def deep():

@@ -1,4 +1,4 @@
-"""The index of a cache: which pack has which cell, and what goes when it is pruned."""
+"""The index of a cache finds the pack of each cell, and deletes the oldest packs on pruning."""
 
 import os
 import signal
@@ -26,13 +26,13 @@ from sweeps.engine.cache.packs import Pack, PackWriter, declared_signatures, ope
 
 @pytest.fixture
 def warnings():
-    """Sentences of an index; opened with `say=warnings.append`."""
+    """Return a list that collects the warnings of an index."""
     return []
 
 
 @pytest.fixture
 def six(tmp_path) -> Objects:
-    """Packs of cells 0 to 5, three of them."""
+    """Return a cache of three packs with the cells 0 to 5."""
     cells = open_packs(tmp_path)
     for n in range(0, 6, 2):
         written(cells, n, n + 1)
@@ -54,7 +54,7 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warning
 
 
 def test_a_result_computed_again_is_found_whatever_the_clocks(tmp_path, warnings, monkeypatch):
-    """The damaged one was written by a machine whose clock was an hour ahead."""
+    """The new result is found though the damaged one was written by a clock an hour ahead."""
     cells = open_packs(tmp_path)
     monkeypatch.setattr(packs, "time_ns", lambda: time.time_ns() + 3600 * 10**9)
     damaged = written(cells, 1)
@@ -70,7 +70,7 @@ def test_a_result_computed_again_is_found_whatever_the_clocks(tmp_path, warnings
 @settings(deadline=None)
 @given(st.data())
 def test_an_index_finds_what_a_dictionary_finds(data):
-    """Whatever is in how many packs; another key of the same first half is not found."""
+    """This holds for any cells in any packs; a key with only an equal first half is not found."""
     key = st.integers(0, 4).map(lambda n: (n * (2**62 - 1), n))
     some = st.lists(key, max_size=6)
     with tempfile.TemporaryDirectory() as name:
@@ -116,7 +116,7 @@ while True:
 
 
 def test_packs_of_a_killed_run_are_whole_or_absent(six, warnings, tmp_path):
-    """It is killed at any moment; what it left half done goes once nobody can be writing to it."""
+    """Four runs are killed at different moments; the index finds all cells of complete packs."""
     for moment in range(4):
         command = [sys.executable, "-c", KILLED, tmp_path]
         paths = {"PYTHONPATH": os.pathsep.join((str(ROOT), str(Path(__file__).parent)))}
@@ -134,7 +134,7 @@ def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, warnings):
     leftovers = [six.path / name for name in ("0.pack#1", f"0{MARKER}")]
     for path in leftovers:
         path.write_bytes(b"")
-    (six.path / "peak#1").mkdir()  # as the folder of a variable of a store
+    (six.path / "peak#1").mkdir()  # a variable of a store may have such a folder
     index = CellIndex(six, warnings.append)
     assert index.prune(2**40) == (0, 0)
     assert not any(path.exists() for path in leftovers)
@@ -156,7 +156,7 @@ def test_a_pack_that_says_something_else_has_no_cells(six, warnings):
 @settings(max_examples=20, deadline=None)
 @given(sizes=st.lists(st.integers(0, 200), min_size=5, max_size=5), percent=st.integers(0, 100))
 def test_the_oldest_packs_go_first(sizes, percent):
-    """Against a plain model."""
+    """Pruning deletes the same packs as a simple model does."""
     with tempfile.TemporaryDirectory() as name:
         cells = Objects(Path(name))
         packs = [
@@ -173,7 +173,7 @@ def test_the_oldest_packs_go_first(sizes, percent):
 
 
 def test_an_index_reads_the_packs_of_its_rooms_alone(place, warnings):
-    """Those of other stages, or of other code, cost no time, and may be damaged."""
+    """Packs in folders of other stages or other code are not read and may be damaged."""
     cells = open_packs(place)
     packing = PackWriter()
     packing.add(small(1))
@@ -187,7 +187,7 @@ def test_an_index_reads_the_packs_of_its_rooms_alone(place, warnings):
     assert index.costs().keys() == {"stage"}
 
 
-# trust --------------------------------------------------------------------------------------------
+# permissions --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mask", [0, 0o002, 0o022])
@@ -200,11 +200,11 @@ def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, warnings, mask):
     assert whole(cells, CellIndex(cells, warnings.append), [1]) and warnings == []
 
 
-# several at once ----------------------------------------------------------------------------------
+# concurrent drivers -------------------------------------------------------------------------------
 
 
 def drive(cache, driver: int) -> list[str]:
-    """Add packs as one of several drivers; return its warnings."""
+    """Add packs as one of several drivers; return the warnings of its indices."""
     warnings: list[str] = []
     cells = open_packs(cache)
     for number in range(4):

@@ -1,4 +1,4 @@
-"""Inputs taken at another setting's value (`At`), also where settings run together."""
+"""`At` takes inputs at another setting's value, also where settings run together."""
 
 from dataclasses import replace
 
@@ -8,14 +8,14 @@ from toys import SPRINGS, having, run, without
 
 from sweeps.engine.declare.settings import ZippedAxis, read_choices
 
-# Nothing gathers the springs, which then may run together with other settings.
+# Without stages that gather springs, their settings may run together with others.
 FEWER = having(without(SPRINGS, "answers"), tables=())
 REFERENCES = {"spring.reference": [1.0, 2.0, 4.0], "spring.mass": 1.0}
-DESCENDING = ((70.0, 4.0), (80.0, 2.0), (90.0, 1.0))  # places differ from those of the values
+DESCENDING = ((70.0, 4.0), (80.0, 2.0), (90.0, 1.0))  # not in the order of sorted stiffnesses
 
 
 def together(keys, points, given=REFERENCES):
-    """Choices in which settings run together."""
+    """Return choices in which the settings `keys` run together, point by point."""
     values = {key: sorted({point[k] for point in points}) for k, key in enumerate(keys)}
     choices = read_choices(FEWER.declared, {**given, **values})
     return replace(choices, zipped=(ZippedAxis("joint", keys, points),))
@@ -28,7 +28,7 @@ def test_an_input_on_a_joint_axis_is_that_of_the_value_asked_for(tmp_path, point
     assert results.dims == (
         "mass",
         "stiffness_there",
-    )  # what runs together with the stiffness moves with it
+    )  # the limit that runs together with the stiffness gets no dimension of its own
     for reference in REFERENCES["spring.reference"]:
         run(
             FEWER,

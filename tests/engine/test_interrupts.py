@@ -1,4 +1,4 @@
-"""Signals are never lost, never cut short what cleans up, and end a command in one sentence."""
+"""A signal is never lost, never interrupts clean-up, and ends a command with one sentence."""
 
 import contextlib
 import os
@@ -27,13 +27,13 @@ TYPED = ["spring.stiffness=[1,2]", "spring.mass=1"]
 
 
 def arrive(number=signal.SIGINT):
-    """A signal arrives now."""
+    """Send a signal to this process."""
     os.kill(os.getpid(), number)
 
 
 @pytest.fixture(autouse=True)
 def heard():
-    """Signals are heard, whatever started the tests."""
+    """Set default handlers of SIGINT and SIGHUP, which the tests may have been started without."""
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -45,7 +45,7 @@ def heard():
 def test_a_signal_waits_until_it_is_heeded():
     with defer_signals():
         arrive()
-        arrive(signal.SIGTERM)  # later ones change nothing
+        arrive(signal.SIGTERM)  # signals after the first change nothing
         with pytest.raises(Stopped) as stopped:
             raise_if_stopped()
         assert (stopped.value.message, stopped.value.status) == ("interrupted", 130)
@@ -56,11 +56,11 @@ def test_a_signal_waits_until_it_is_heeded():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     raise_if_stopped()
     with defer_signals():
-        raise_if_stopped()  # that of the earlier context is forgotten
+        raise_if_stopped()  # the signal of the earlier context is forgotten
 
 
 def arriving(function):
-    """A function during which a signal arrives."""
+    """Return a function that sends a signal and then calls `function`."""
 
     def called(*arguments, **keywords):
         arrive()
@@ -70,7 +70,7 @@ def arriving(function):
 
 
 def swallowing(*arguments, **keywords):
-    """Code that swallows anything."""
+    """Send a signal, and suppress any exception that it raises."""
     with contextlib.suppress(BaseException):
         arrive()
 
@@ -80,7 +80,7 @@ def checked(choices):
     return SPRINGS.check(choices)
 
 
-WHERE = {  # what happens meanwhile
+WHERE = {  # step of the sweep during which the signal arrives
     "checking": lambda patch: replace(SPRINGS, check=checked),
     "checking, swallowed": lambda patch: replace(
         SPRINGS, check=lambda choices: swallowing() or SPRINGS.check(choices)
@@ -95,7 +95,7 @@ WHERE = {  # what happens meanwhile
 
 
 def encoding(encode):
-    """Encoding of chunks, meanwhile a signal arrives."""
+    """Return an encoder of chunks that first sends a signal."""
 
     def encoded(*arguments):
         arrive()
@@ -106,7 +106,7 @@ def encoding(encode):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Files of a store that no signal interrupted."""
+    """Return the files of a store that no signal interrupted."""
     path = tmp_path_factory.mktemp("whole") / "t.zarr"
     go(path, **SMALL)
     return files(path)

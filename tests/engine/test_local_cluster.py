@@ -1,4 +1,4 @@
-"""Workers of this machine: who may run code on them, what they start with and survive."""
+"""Workers on this machine run code only for certificate holders and leave no processes behind."""
 
 import os
 import signal
@@ -22,17 +22,17 @@ from sweeps.engine.run.executors import open_executor
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
 
-# -- who may run code on a local cluster
+# -- access to a local cluster
 
 
 @pytest.fixture(scope="module", autouse=True)
 def others():
-    """Addresses on which this process listens for other tests."""
+    """Return the addresses on which this process and its workers listen for other tests."""
     return listening()
 
 
 def listening(besides=()):
-    """Addresses on which this process and the workers that were forked for it listen."""
+    """Return addresses on which this process and its forked workers listen, except `besides`."""
     children = psutil.Process().children(recursive=True)
     alive = [process for process in children if process.status() != psutil.STATUS_ZOMBIE]
     forked = [process for process in alive if "forkserver" in " ".join(process.cmdline())]
@@ -42,12 +42,12 @@ def listening(besides=()):
 
 def test_a_local_cluster_listens_on_the_loopback_interface_only(others, local):
     addresses = listening(others)
-    assert len(addresses) >= 5  # of a scheduler, two nannies and two workers
+    assert len(addresses) >= 5  # a scheduler, two nannies and two workers
     assert {address.ip for address in addresses} == {"127.0.0.1"}
 
 
 def heard(port, security):
-    """First byte that a server sends to a peer that trusts anybody, if it accepts the peer."""
+    """Return the first byte a server sends to a peer that checks nothing; b"" if refused."""
     if security is None:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     else:
@@ -64,7 +64,7 @@ def heard(port, security):
 
 
 def page(port):
-    """Answer to a plain HTTP request."""
+    """Return the answer to a plain HTTP request; b"" if the connection fails."""
     with socket.create_connection(("127.0.0.1", port), timeout=5) as connection:
         connection.sendall(b"GET /info/main/workers.html HTTP/1.0\r\n\r\n")
         try:
@@ -86,7 +86,7 @@ def test_only_holders_of_the_certificate_are_heard_by_a_local_cluster(others, lo
         assert not heard(port, None)
 
 
-# -- what a worker starts with, and what it survives
+# -- start and end of workers
 
 
 def test_no_more_workers_than_tasks_and_nothing_left_behind():
@@ -113,7 +113,7 @@ sys.exit(Command(SPRINGS).main(sys.argv[1:]))
 
 
 def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
-    """It sends SIGHUP to the command, its workers and what starts them."""
+    """SIGHUP goes to the whole process group: the command, its workers and the fork server."""
     folder = Path(__file__).parent
     arguments = [
         "cluster=local",
@@ -140,7 +140,7 @@ def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def deadly(size):
-    """What a worker dies of, for one size."""
+    """Kill the worker for size 3; return other sizes."""
     if size == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return size
@@ -155,7 +155,7 @@ def test_a_cell_that_kills_its_workers_fails_alone(tmp_path):
 
 
 def ended(process):
-    """Whether a process runs no more, even if nobody has asked for its exit status."""
+    """Return whether a process has ended; a zombie has."""
     try:
         return process.status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:

@@ -1,4 +1,4 @@
-"""One writer at a time, on disks and in buckets, whatever becomes of it."""
+"""Locks allow one writer of a store at a time, on disks and in buckets, even if it is killed."""
 
 import fcntl
 import os
@@ -32,14 +32,14 @@ with locks.store_lock(place):
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    """Leases that a dead owner does not hold for long, and a living one keeps on a busy machine."""
+    """Set leases short enough to wait for, long enough for an owner to renew on a busy machine."""
     monkeypatch.setattr(locks, "LEASE", 2.0)
     monkeypatch.setattr(locks, "POLL_INTERVAL", 0.02)
 
 
 @pytest.fixture
 def holder(place):
-    """A process that holds the lock of a store, and the store."""
+    """Yield a process that holds the lock of a store, and the path of the store."""
     path = below(place, "s.zarr")
     search = os.pathsep.join(sys.path)
     with subprocess.Popen(
@@ -61,7 +61,7 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
         pytest.fail("two writers")
     assert seconds_since_renewal(path) < locks.LEASE
     if isinstance(path, Path):
-        process.send_signal(signal.SIGSTOP)  # it is slow, and alive
+        process.send_signal(signal.SIGSTOP)  # the owner is stopped but alive
         with pytest.raises(ConfigurationError, match=sentence), store_lock(path):
             pytest.fail("two writers")
     process.send_signal(signal.SIGKILL)
@@ -77,7 +77,7 @@ def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
     lock.write_text("of a killed process")
     assert seconds_since_renewal(path) is None and lock.exists()
     with lock.open("rb") as file:
-        fcntl.flock(file, fcntl.LOCK_SH)  # a look that has just begun
+        fcntl.flock(file, fcntl.LOCK_SH)  # another process has just begun to read the lock
         threading.Timer(locks.LOCK_SECONDS / 4, fcntl.flock, (file, fcntl.LOCK_UN)).start()
         with store_lock(path):
             assert seconds_since_renewal(path) == 0.0
@@ -93,13 +93,13 @@ def test_a_lock_is_no_link_to_another_file(tmp_path):
 
 
 def lock_names(path):
-    """The names of the locks beside a store."""
+    """Return the names of the locks beside a store."""
     above = path.parent if isinstance(path, Path) else path.rpartition("/")[0]
     return [name for name in Objects(above).sizes() if name.endswith(".lock")]
 
 
 def test_there_is_one_writer_at_a_time(place, monkeypatch):
-    monkeypatch.setattr(locks, "LEASE", 60)  # nobody dies, however slow the machine
+    monkeypatch.setattr(locks, "LEASE", 60)  # no lease expires, however slow the machine
     path = below(place, "s.zarr")
     holders, most_holders, refusals, writes = 0, 0, 0, 0
 
@@ -191,7 +191,7 @@ def test_an_owner_in_a_bucket_that_is_silent_loses_it_and_is_told(bucket):
 
 
 def test_an_answer_that_is_lost_loses_no_lock(bucket, monkeypatch):
-    """The server has written, and a repeated request finds another version than it asks for."""
+    """A renewal that is repeated after the server has written it finds a newer version: its own."""
     path, put = below(bucket, "s.zarr"), Objects.put_if
 
     def twice(self, name, content, version):

@@ -1,4 +1,4 @@
-"""Mistakes of declarations, refused when an experiment is assembled."""
+"""Mistakes are refused and named when settings, stages or experiments are declared."""
 
 import re
 from dataclasses import replace
@@ -33,19 +33,19 @@ class Slashed(Settings, key="slashed"):
 
 
 class Scalar(Settings, key="few", single="scalar"):
-    """A setting that is no kind of coordinate."""
+    """A setting whose `single` is not a valid kind of coordinate."""
 
     size = number(1.0, label="size")
 
 
 class Again(Settings, key="few"):
-    """Another group of the same key."""
+    """Another group of settings with the key of `Few`."""
 
     size = count(1, label="size")
 
 
 class Seed(Settings):
-    """A setting of the engine's key."""
+    """A setting with a key of the engine."""
 
     seed = number(1.0, label="seed")
 
@@ -53,7 +53,7 @@ class Seed(Settings):
 def few_stage(
     *outputs, function=lambda size: size, name="one", group="few", uses=(Few,), **options
 ):
-    """A stage of one function."""
+    """Return a stage of one function."""
     group = Group(group) if isinstance(group, str) else group
     declare = stage(*(outputs or (Output("x"),)), name=name, group=group, uses=uses, **options)
     return declare(function)
@@ -134,7 +134,7 @@ def test_mistakes_are_named_when_an_experiment_is_assembled(words, settings, sta
     assert words in str(refused.value) and "\n" not in str(refused.value)
 
 
-HERE = r"^[\w/]*test_mistakes\.py:\d+: "  # before a sentence
+HERE = r"^[\w/]*test_mistakes\.py:\d+: "  # the prefix of each message
 
 
 @pytest.mark.parametrize(

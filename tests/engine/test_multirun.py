@@ -1,4 +1,4 @@
-"""Multiruns as one sweep: what is crossed, what runs together, what keeps apart."""
+"""A multirun is one sweep: its settings are crossed or run together, or its jobs stay apart."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ from sweeps.engine.store.writing import read_attributes
 
 @pytest.fixture
 def command(tmp_path, monkeypatch):
-    """Run a command line in a folder of its own; its exit status."""
+    """Return a function that runs a command line in a new folder and returns its exit status."""
     monkeypatch.chdir(tmp_path)
     command = Command(replace(SPRINGS, conf=Path(__file__).with_name("conf")))
 
@@ -31,7 +31,7 @@ def test_swept_settings_are_crossed_into_one_cube(command, tmp_path):
     assert command("-m", "store=m.zarr", *arguments[:2]) == 0
     go(tmp_path / "s.zarr", spring__mass=[1, 2, 5], spring__limit=[50, 60])
     assert files(tmp_path / "m.zarr") == files(tmp_path / "s.zarr")
-    # Lists within jobs are as if all their values had been crossed, where they can be.
+    # If jobs have lists of values, all values of these lists are crossed where possible.
     assert command("-m", "store=l.zarr", *arguments) == 0
     assert files(tmp_path / "l.zarr") == files(tmp_path / "s.zarr")
 
@@ -90,7 +90,7 @@ def test_settings_run_together_by_zip(command, tmp_path):
     assert springs.energy.sizes == {"stiffness": 3, "mass_limit": 3}
 
 
-# Commands, and the words that their refusal must have: the key, the value, the bound.
+# Commands, and the words that the messages refusing them must contain: key, value, bound.
 ROWS = yaml.safe_load(Path(__file__).with_name("refused.yaml").read_text())
 REFUSED, TOO_LARGE = ROWS["multirun"], ROWS["too large"]
 

@@ -1,4 +1,4 @@
-"""Packs: what is written is read back, and what was changed is not."""
+"""Packs return the cells that were written, and never cells that were changed on disk."""
 
 import errno
 import json
@@ -29,7 +29,7 @@ HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
 
 @pytest.fixture(autouse=True)
 def anew():
-    """No head of a pack is remembered."""
+    """Clear the cache of heads of packs."""
     packs._read_head.cache_clear()
 
 
@@ -44,7 +44,7 @@ LAYOUTS = st.dictionaries(st.text(max_size=4), st.tuples(DTYPES, SHAPES), max_si
 
 @st.composite
 def contents(draw):
-    """Cells of one layout or of several."""
+    """Draw cells of one layout or several."""
     layouts = draw(st.lists(LAYOUTS, min_size=1, max_size=3))
     chosen = draw(st.lists(st.sampled_from(layouts), min_size=1, max_size=6))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
@@ -102,7 +102,7 @@ def test_packs_of_either_kind_of_place_are_alike(place):
 
 
 def test_every_changed_byte_is_noticed(tmp_path):
-    """By its own cell alone if it is among the bytes of one, else by all cells."""
+    """A changed byte of one cell makes this cell absent; any other byte makes all cells absent."""
     records = [{"a": np.float64(n), "b": np.arange(n + 1)} for n in range(3)]
     cells = Objects(tmp_path)
     pack = write_pack(cells, "s", range(3), records)
@@ -134,7 +134,7 @@ MIXED = [
 
 @st.composite
 def changes(draw, size):
-    """Changes of some bytes: where, how many are replaced, and by what."""
+    """Draw a change of bytes: position, number of bytes replaced, and new bytes."""
     start = draw(st.integers(0, size))
     return start, draw(st.integers(0, 20)), draw(st.binary(max_size=20))
 
@@ -148,7 +148,7 @@ def changed(content, all_changes):
 @settings(max_examples=200, deadline=None)
 @given(data=st.data(), sealed=st.booleans())
 def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
-    """Also if the name of the pack is made to fit, though then other values may be read."""
+    """If the name is made to fit a changed head, other values may be read, of no more bytes."""
     with tempfile.TemporaryDirectory() as name:
         cells = Objects(Path(name))
         pack = write_pack(cells, "s", range(3), MIXED)
@@ -194,7 +194,7 @@ def test_what_is_cut_off_is_absent(tmp_path):
         assert read_cells(cells, locations(strange, [0, 3], [0, 1])) == [None] * 2
 
 
-# packs that are not what they were ---------------------------------------------------------------
+# exchanged and damaged packs ---------------------------------------------------------------------
 
 
 def exchange(path: Path, other: Path) -> None:
@@ -220,7 +220,7 @@ def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, mo
     cache, recorder = tmp_path / "cache", Recorder()
     go(tmp_path / "s.zarr", cache)
     first = {stage_of(path): path for path in pack_files(cache)}
-    go(tmp_path / "t.zarr", cache, seed=1)  # cells of the same shapes
+    go(tmp_path / "t.zarr", cache, seed=1)  # its cells have the same shapes
 
     def found(index, *arguments, find=CellIndex.find):
         if not recorder.failures:
@@ -246,7 +246,7 @@ LINE = ["s", 0.5, [[["a", "<f8", [2]]]]]
 
 
 def of_line(cells: Objects, line, number=0, key=1) -> Pack:
-    """Write a pack of one cell that says something of itself; return what is read of it."""
+    """Write a pack of one cell with a header line; return the pack and the cell as read."""
     record = np.arange(2.0).tobytes()
     text = line if isinstance(line, bytes) else json.dumps(line).encode()
     tables = keys(key).tobytes() + np.array([number], "<u4").tobytes() + hash_bytes(record, 8)
@@ -288,7 +288,7 @@ HUGE = 2**62
     ],
 )
 def test_a_pack_that_says_something_else_is_damaged(tmp_path, line):
-    """Its name fits its head: bytes would be taken for pointers of objects, or fill the memory."""
+    """The pack's name fits its head; such layouts could read bytes as pointers or fill memory."""
     _, cell = of_line(Objects(tmp_path), line)
     assert cell is None
 

@@ -1,4 +1,4 @@
-"""Folders and buckets behave alike, and what fails is one sentence without a secret."""
+"""`Objects` behaves alike in folders and buckets, and its errors are one line without secrets."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""Plans: what depends on what, the cells that follow, and their keys."""
+"""Plans give each cell a key that depends only on values, code and declarations that it uses."""
 
 from dataclasses import replace
 
@@ -13,13 +13,13 @@ from sweeps.engine.resolve.plan import Plan
 
 
 def planned(**values):
-    """Plan of the springs."""
+    """Return the plan of the springs with these settings."""
     values = {key.replace("__", "."): value for key, value in values.items()}
     return Plan(SPRINGS, read_choices(SPRINGS.declared, values))
 
 
 def keys(plan, name):
-    """Keys of all cells of a stage, in order."""
+    """Return the keys of all cells of a stage, in order."""
     bound = plan.bound[name]
     return [plan.key(bound, cell) for cell in plan.cells(bound)]
 
@@ -71,7 +71,7 @@ def test_another_value_changes_the_keys_of_what_depends_on_it_alone(key):
 
 @pytest.mark.parametrize("change", [{"dtype": "f2"}, {"name": "swing"}])
 def test_how_an_output_is_kept_counts(change):
-    """Its declaration is no part of the function's code."""
+    """Keys depend on name and dtype of an output, which are not part of the function's code."""
     (output,) = period.outputs
     replaced = replace(period, outputs=(replace(output, **change),))
     stages = tuple(replaced if declared is period else declared for declared in SPRINGS.stages)
@@ -80,7 +80,7 @@ def test_how_an_output_is_kept_counts(change):
 
 
 def summed(**inputs):
-    """A function of any keywords: its code is the same by whatever name an input comes."""
+    """Return the sum of any keywords: the code is the same for any name of an input."""
     return sum(inputs.values())
 
 
@@ -96,7 +96,7 @@ def test_the_keyword_by_which_a_function_gets_an_input_counts():
 
 
 def test_the_order_of_axes_given_to_a_function_counts():
-    """A gathered array of one value on an axis has the same cells in either order."""
+    """If an axis has one value, either order gathers the same cells, but keys must differ."""
 
     class Sea(Settings, key="sea"):
         state = number([1.0], label="state")

@@ -1,4 +1,4 @@
-"""Any sequence of kills, extensions, repeats and damage ends in the store of one clean run."""
+"""After any sequence of kills, extensions, repeats and damage, a run gives a clean run's store."""
 
 import os
 import random
@@ -23,7 +23,7 @@ from sweeps.engine.store.writing import recover
 AXES = {
     "spring__stiffness": [1.0, 2.0, 3.0, 4.0],
     "spring__mass": [0.5, 1.0, 2.0],
-    "spring__limit": [1.2, 50.0, 100.0],  # of the first, some springs are too stiff
+    "spring__limit": [1.2, 50.0, 100.0],  # some springs are too stiff for the first limit
     "measured__length": [2, 3, 4],
     "measured__rule": ["max", "mean", "min"],
     "measured__doubled": [False, True],
@@ -38,11 +38,11 @@ FIRST = {
     "measured__doubled": [False],
     "seed": [0],
 }
-REPAIRS = 3  # runs that a configuration needs at most after damage
+REPAIRS = 3  # largest number of runs needed after damage
 
 
 def actions():
-    """What may happen to a store and its cache."""
+    """Return a strategy for lists of actions on a store and its cache."""
     more = st.tuples(st.just("more"), st.sampled_from(sorted(AXES)), st.integers(0, 3))
     kill = st.tuples(st.just("kill"), st.integers(1, 560), st.just(0))
     damage = st.tuples(
@@ -56,7 +56,7 @@ CLEAN = {}
 
 
 def clean(folder, values):
-    """Files of the store of one run."""
+    """Return the contents of the store that one clean run makes."""
     name = repr(values)
     if name not in CLEAN:
         with tempfile.TemporaryDirectory(dir=folder) as place:
@@ -66,7 +66,7 @@ def clean(folder, values):
 
 
 def damaged(folder, seed, number, *, flip):
-    """Flip bits of files below a folder, or cut files short, which a listing shows."""
+    """Flip bits of random files below a folder, or truncate files, which a listing shows."""
     chance = random.Random(seed)
     for _ in range(number):
         there = sorted(file for file in folder.rglob("*") if file.is_file() and file.stat().st_size)
@@ -80,7 +80,7 @@ def damaged(folder, seed, number, *, flip):
 
 
 def healed(store, cache, values):
-    """Run until a store is there; one whose metadata are damaged is removed, as users are told."""
+    """Run until the store is complete; remove a refused one, as the error tells users to do."""
     for _ in range(REPAIRS):
         try:
             go(store, cache, **values)
@@ -149,7 +149,7 @@ SLOW = {"measured__pause": 0.02, "spring__stiffness": list(range(1, 30))}
 
 
 def started(folder, kind, values):
-    """A process that runs the springs."""
+    """Start a process that runs the springs; return it."""
     workers = 2 if kind == "local" else None
     tests = str(Path(__file__).parent)
     file = folder / "springs_of_a_process.py"
@@ -163,7 +163,7 @@ def started(folder, kind, values):
 @pytest.mark.parametrize("kind", ["inline", "local"])
 def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
     cells = tmp_path / "cache" / "cells"
-    for more in (1, 2):  # the second begins with what the first has left
+    for more in (1, 2):  # the second run starts from the results of the first
         before = len(list(cells.rglob("*.pack")))
         driver = started(tmp_path, kind, SLOW)
         while driver.poll() is None and len(list(cells.rglob("*.pack"))) < before + more:
@@ -172,7 +172,7 @@ def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
         driver.wait()
     assert not (tmp_path / "s.zarr").exists()
     recorder, packs = Recorder(), len(list(cells.rglob("*.pack")))
-    while True:  # until the workers of the dead driver are gone, too
+    while True:  # the store is refused until the workers of the killed driver have ended
         try:
             finished = go(
                 tmp_path / "s.zarr", tmp_path / "cache", callbacks=recorder.callbacks, **SLOW
@@ -181,7 +181,7 @@ def test_a_driver_killed_in_the_midst_of_its_work(tmp_path, kind):
             time.sleep(0.05)
         else:
             break
-    # Whichever stages they are of, and each has at least one cell.
+    # Each pack, of any stage, has at least one cell.
     assert sum(progress.reused for progress in finished.progress.values()) >= packs >= 2
     go(tmp_path / "t.zarr", tmp_path / "cache", **SLOW)
     assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")

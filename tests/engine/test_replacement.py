@@ -1,4 +1,4 @@
-"""Stores change whole or not at all: full disks, kills at any moment, readers meanwhile."""
+"""Stores are replaced atomically, despite full disks, kills at any moment and readers."""
 
 import errno
 import itertools
@@ -24,7 +24,7 @@ from sweeps.engine.store.writing import read_attributes, recover, write_store, z
 
 
 def grown(rows):
-    """Groups with a number of rows, of which the first are always the same."""
+    """Return groups with a number of rows; more rows leave the first ones unchanged."""
     values = np.add.outer(np.arange(rows), np.zeros(6)).astype("f4")
     x, note = array(values, chunks=(1, 6)), Array.from_values((), np.float64(rows))
     return {"one": ArrayGroup({"x": x, "note": note}), "two/three": ArrayGroup({"x": x})}
@@ -34,12 +34,12 @@ CHANGES = ("put", "_delete")
 
 
 class Killed(BaseException):
-    """What no writer survives."""
+    """Exception that no writer catches."""
 
 
 @pytest.fixture
 def ending():
-    """Let only so many changes succeed; what all others raise. None is as before."""
+    """Yield a function that lets `number` changes succeed and later ones raise; None undoes it."""
 
     patch = pytest.MonkeyPatch()
 
@@ -70,7 +70,7 @@ def test_a_disk_that_is_full_leaves_the_old_store_or_all_of_the_new(tmp_path, en
     write_store(path, small(1), {"seed": 1})
     before, after = contents(path), contents(tmp_path / "t.zarr")
     for succeeding in range(1000):
-        ending(succeeding, full, methods=("put",))  # there is room again for what is undone
+        ending(succeeding, full, methods=("put",))  # deletions still succeed
         try:
             write_store(path, small(2), {"seed": 2})
         except OSError as error:
@@ -91,7 +91,7 @@ def test_a_disk_that_is_full_leaves_the_old_store_or_all_of_the_new(tmp_path, en
 
 
 def test_a_put_that_fails_is_noticed_though_what_follows_stays(tmp_path, monkeypatch):
-    """The last chunk is one that the store has, and the one before it cannot be written."""
+    """The store already has the last chunk, and the chunk before it cannot be written."""
     path, put = tmp_path / "s.zarr", Objects.put
     first, last = array(np.zeros((3, 2)), chunks=(1, 2)), array(np.ones((3, 2)), chunks=(1, 2))
     write_store(path, {"g": ArrayGroup({"z": last})}, {})
@@ -113,7 +113,7 @@ def test_a_put_that_fails_is_noticed_though_what_follows_stays(tmp_path, monkeyp
 def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
     direct, new = below(place, "direct.zarr"), 5
     write_store(direct, grown(new), {"rows": new})
-    # Each request to the server takes milliseconds: there, of three moments one.
+    # Requests to a bucket take milliseconds: test only every third moment there.
     for succeeding in range(0, 1000, 3 if isinstance(place, str) else 1):
         ending(None)
         path = below(place, f"{succeeding}.zarr")
@@ -131,7 +131,7 @@ def test_a_store_is_whole_whenever_its_writer_ends(place, ending, old):
         ending(None)
         attributes = read_attributes(path)
         assert (attributes or {"rows": old})["rows"] in (old, new)
-        if old is not None:  # whoever opened it before still reads what there was
+        if old is not None:  # readers that opened the store before still read the old values
             np.testing.assert_array_equal(lazy["x"].values[:, 0], np.arange(old))
         if attributes is not None:
             assert verify(path) == []
@@ -224,13 +224,13 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
             assert verify(path) == []
             arrays = [opened(path, name)["x"].values for name in small(0)]
             assert all((values == values.flat[0]).all() for values in arrays)
-            recover(path)  # as the next writer does
+            recover(path)  # the next writer calls this first
             value = read_attributes(path)["value"]
             assert verify(path) == []
             assert all((opened(path, name)["x"] == value).all() for name in small(0))
             states.add(value)
     assert states == {1, 2}
-    with store_lock(path):  # a killed holder does not block, and its remains go
+    with store_lock(path):  # the lock of a killed writer does not block; its files are removed
         recover(path)
         assert sorted(os.listdir(tmp_path)) == [".s.zarr.lock", "s.zarr"]
     assert os.listdir(tmp_path) == ["s.zarr"]
@@ -245,7 +245,7 @@ def test_readers_of_a_growing_store_never_see_two(place):
         try:
             for rows in range(2, 14):
                 write_store(path, grown(rows), {})
-                time.sleep(0.05)  # readers who opened it two changes ago must open it again
+                time.sleep(0.05)  # a reader must reopen the store after two changes
         finally:
             done.set()
 
@@ -260,7 +260,7 @@ def test_readers_of_a_growing_store_never_see_two(place):
         states.add(rows)
     writer.join()
     assert len(states) > 1
-    np.testing.assert_array_equal(before["x"], np.zeros((1, 6)))  # its chunks are where they were
+    np.testing.assert_array_equal(before["x"], np.zeros((1, 6)))  # its chunks are still in place
 
 
 def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
@@ -293,7 +293,7 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
         inodes = {os.stat(path / "g/x" / name).st_ino for name in chunks(path)}
         assert len(inodes) == len(rows)
         assert new == everything or inodes.issuperset(before.values())
-    assert sorted(chunks(path)) == ["0.0", "1.0", "2.0", "3.0"]  # one change moved a chunk
+    assert sorted(chunks(path)) == ["0.0", "1.0", "2.0", "3.0"]  # a change moved a chunk
 
 
 def chunks(path):

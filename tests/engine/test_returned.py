@@ -1,4 +1,4 @@
-"""What stages return is checked against their declarations, at once and by name."""
+"""Values that stages return are checked against their declarations; errors name the stage."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from sweeps.engine.run.tasks import check_result
 
 
 def returned(dtype, value, dims=0, along=()):
-    """The array of a result."""
+    """Return the array made of a value that a stage returned."""
     output = Output("x", tuple(map(str, range(dims))), dtype)
     return check_result("one", [output], value, along)["x"]
 
@@ -61,7 +61,7 @@ def test_what_a_dtype_does_not_hold_is_refused(dtype, value, named):
 
 
 KEPT = [
-    ("f4", 1.1, np.float32(1.1)),  # digits of floats may go
+    ("f4", 1.1, np.float32(1.1)),  # floats may lose digits
     ("f4", np.inf, np.inf),
     ("f4", np.nan, np.nan),
     ("f4", 2**24 + 1, 2.0**24),
@@ -109,7 +109,7 @@ def test_masked_values_are_nan_and_all_others_are_kept(values, dtype, data):
     group=Group("all"),
 )
 def shares(size):
-    """Shares of 0, 1 and the size over 255; those of size 2 fail."""
+    """Return shares 0, 1 and size/255, and a fine one of (size mod 3)/3; fail for size 2."""
     if size == 2:
         raise ValueError("no two")
     return {"share": np.uint8([0, 255, size]), "fine": 65535 // 3 * (size % 3)}
@@ -140,7 +140,7 @@ def test_a_share_has_a_dtype_that_leaves_room_for_what_is_missing():
 
 @stage(Output("x", ("place",), label="x"), uses=(Few,), group=Group("all"))
 def growing(size):
-    """An array that is longer for larger sizes."""
+    """Return an array that is longer for larger sizes."""
     CALLS["growing"] += 1
     return np.zeros(size)
 

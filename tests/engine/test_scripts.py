@@ -1,4 +1,4 @@
-"""Stages declared in a script, in functions, or as lambdas: results are those of their code."""
+"""Stages declared in scripts, functions or as lambdas never reuse results of other code."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -52,7 +52,7 @@ def test_a_script_that_changed_is_computed_again(tmp_path, kind):
 
 
 def power(exponent):
-    """A function that differs from others in what it encloses only."""
+    """Return a function that differs from others only in its closure."""
 
     def power_of(size):
         return float(size) ** exponent

@@ -1,4 +1,4 @@
-"""Settings: what may be written, what is refused and how, and what is derived from them."""
+"""Kinds of settings parse and sort valid values, and refuse others with the allowed range."""
 
 import math
 
@@ -74,7 +74,7 @@ def test_steps_are_exact_decimals(kind):
 def test_steps_end_at_stop_where_they_land_on_it(start, step, steps):
     range_ = {"start": start / 100, "stop": (start + step * steps) / 100, "step": step / 100}
     read = Number().values("a.b", range_)
-    # Products and quotients err by a unit in the last place each; 12 decimals are kept.
+    # Each product and quotient may err by one unit in the last place; 12 decimals are kept.
     expected = [(start + step * k) / 100 for k in range(steps + 1)]
     assert read == pytest.approx(expected, rel=1e-15, abs=1e-12)
     short = range_ | {"stop": (start + step * steps - step / 2) / 100}
@@ -134,7 +134,7 @@ def test_what_is_refused_is_named_with_what_is_allowed(kind, given, sentence):
 
 
 class Apart(Settings, key="apart"):
-    """Settings that stand for each other, and one that takes one value."""
+    """Settings of which one defaults to another, and one that may have only one value."""
 
     far = number([1.0, 2.0], label="far")
     near = number(far, label="near")

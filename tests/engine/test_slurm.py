@@ -1,4 +1,4 @@
-"""Jobs of a real Slurm as workers: computed, killed, drained, cancelled, and refused."""
+"""Jobs of a real Slurm run as workers; killed ones are replaced, refused ones are reported."""
 
 import logging
 import os
@@ -41,7 +41,7 @@ def daemons(tmp_path_factory):
 
 @pytest.fixture
 def queue(daemons, tmp_path, monkeypatch):
-    """A queue that is empty in the end, looked at often."""
+    """Use this Slurm and poll it often; wait for an idle node before, and for jobs to end after."""
     monkeypatch.setenv("SLURM_CONF", str(daemons))
     monkeypatch.setenv("PYTHONPATH", IMPORTS)
     monkeypatch.chdir(tmp_path)
@@ -50,12 +50,12 @@ def queue(daemons, tmp_path, monkeypatch):
     eventually(lambda: "idle" in slurm.asked("sinfo", "-h", "-o", "%T"))
     yield
     eventually(lambda: jobs() == [])
-    # The scheduler's scratch folder is gone, of which its finalizer may complain after the tests.
+    # Dask's finalizer may log that the scheduler's scratch folder is gone after the tests.
     logging.getLogger("distributed.diskutils").setLevel(logging.CRITICAL)
 
 
 def jobs(*states):
-    """Numbers of the jobs in some states, or of all that have not ended, ascending."""
+    """Return the sorted numbers of jobs in some states, or of all jobs that have not ended."""
     chosen = ["-t", ",".join(states)] if states else []
     return sorted(map(int, slurm.asked("squeue", "-h", "-o", "%A", *chosen)))
 
@@ -92,10 +92,10 @@ def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, c
         eventually(lambda: list((tmp_path / "cache").rglob("*.pack")))
         first, second = jobs()
         slurm.asked("scancel", str(first))
-        eventually(lambda: max(jobs("running")) > second)  # a third
+        eventually(lambda: max(jobs("running")) > second)  # a third job runs
         slurm.asked("scontrol", "update", f"NodeName={node}", "State=DRAIN", "Reason=test")
         slurm.asked("scancel", str(second))
-        eventually(lambda: jobs("pending"))  # a fourth, which waits
+        eventually(lambda: jobs("pending"))  # a fourth job waits
         slurm.asked("scontrol", "update", f"NodeName={node}", "State=RESUME")
 
     with meanwhile(meddle):

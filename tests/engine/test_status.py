@@ -1,4 +1,4 @@
-"""How far a sweep is, seen from elsewhere: its state, and a store of what is there so far."""
+"""`--status` shows the progress of a sweep, and `partial=true` stores the results it has so far."""
 
 import json
 import os
@@ -27,7 +27,7 @@ SEEN = ["--status", *GIVEN[:2]]
 
 @pytest.fixture
 def start(tmp_path, monkeypatch, capsys):
-    """Function that runs a command line in a folder of its own, and returns what it prints."""
+    """Yield a function that runs a command line in a new folder and returns its output."""
     monkeypatch.chdir(tmp_path)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -41,7 +41,7 @@ def start(tmp_path, monkeypatch, capsys):
 
 
 def stopped(start):
-    """Stop a sweep when it has computed something."""
+    """Start a sweep and interrupt it when the cache has a pack."""
 
     def stop():
         eventually(lambda: list(Path("cache").rglob("*.pack")))
@@ -52,7 +52,7 @@ def stopped(start):
 
 
 def rows(text):
-    """Words of the rows of a table, by the first."""
+    """Return the words of each row of a table, by the first word."""
     return {words[0]: words[1:] for words in map(str.split, text.splitlines()[2:])}
 
 
@@ -91,7 +91,7 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
 
 def test_of_a_sweep_that_is_finished_nothing_is_left_however_quick_it_was(start):
     start(*GIVEN)
-    for _ in range(2):  # the second time, nothing is computed, and what was is still known
+    for _ in range(2):  # the second sweep computes nothing and keeps the counts of the first
         output = start(*SEEN)
         assert output.startswith("s.zarr: finished; ")
         assert rows(output)["all"] == ["74", "0", "74", "0", "0"]
@@ -103,7 +103,7 @@ def test_a_sweep_that_is_killed_is_stopped(start):
     start(*GIVEN)
     (file,) = Path("cache", "status").iterdir()
     state = json.loads(file.read_text())
-    file.write_text(json.dumps(state | {"ended": "stopped"}))  # as while it runs
+    file.write_text(json.dumps(state | {"ended": "stopped"}))  # the state during a run
     assert start(*SEEN).startswith("s.zarr: stopped; ")
 
 
@@ -112,7 +112,7 @@ def test_of_a_killed_sweep_in_a_bucket_the_last_sign_is_shown(start, bucket, mon
     start(f"store={store}", *GIVEN[1:])
     (file,) = Path("cache", "status").iterdir()
     state = json.loads(file.read_text())
-    file.write_text(json.dumps(state | {"ended": "stopped"}))  # as while it runs
+    file.write_text(json.dumps(state | {"ended": "stopped"}))  # the state during a run
     lock = Objects(bucket)
     lock.put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
     seen = ["--status", f"store={store}", "cache=cache"]
@@ -161,7 +161,7 @@ def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
     assert (opened(tmp_path / "s.zarr", "status").period == -1).all()
     start(*GIVEN)
     complete = contents(tmp_path / "s.zarr")
-    start(*GIVEN, "partial=true")  # has everything
+    start(*GIVEN, "partial=true")  # the store is complete
     output = start(*GIVEN, "partial=true", "spring.mass=[1,2,3]", status=2)
     assert "s.zarr', a complete store; partial=true would drop results" in output
     assert contents(tmp_path / "s.zarr") == complete
@@ -178,7 +178,7 @@ def test_a_cache_is_pruned_unless_a_sweep_uses_it(start, monkeypatch):
     packs = sorted(Path("cache").rglob("*.pack"), key=lambda pack: pack.name)
     newest = packs[-1].stat().st_size
     with cache_lock(Path("cache", "cells").absolute()), monkeypatch.context() as patch:
-        patch.setattr(line, "CellIndex", None)  # a sweep that just ends may still write packs
+        patch.setattr(line, "CellIndex", None)  # not to be used: a sweep may still write packs
         for word in ("clear", "prune=1GB"):
             output = start("--cache", word, "cache=cache", status=2)
             assert "cache is 'cache', which a sweep uses; wait until it ends" in output

@@ -1,4 +1,4 @@
-"""Stores read back bit for bit, laid out as zarr itself would, whose damage is noticed."""
+"""Stores return values bit for bit, open with zarr and xarray, and reveal damage."""
 
 import json
 import os
@@ -27,11 +27,11 @@ DTYPES = [
 
 
 SIGNED = {"uint8": "int16", "uint16": "int32", "uint32": "int64"}
-"""Of unsigned integers, which NetCDF 3 has not: those that hold all of their values."""
+"""Signed dtypes that hold all values of unsigned ones, which NetCDF 3 lacks."""
 
 
 def raw(path, name):
-    """Values as they are stored."""
+    """Return values as they are stored."""
     return zarr.open_array(path / name, mode="r")[...]
 
 
@@ -48,7 +48,7 @@ def test_round_trip_of_every_dtype(tmp_path):
     values = {}
     for name in DTYPES:
         itemsize = np.dtype(name).itemsize
-        # Any bits: infinities, NaN of all kinds, subnormal numbers, -0.0.
+        # Random bits may be infinities, NaN of all kinds, subnormal numbers or -0.0.
         values[name] = np.frombuffer(random_bits.bytes(105 * itemsize), name).reshape(SHAPE)
     values["big_endian"] = COUNTS.astype(">f8")
     values["bool"] = COUNTS % 3 == 0
@@ -65,7 +65,7 @@ def test_round_trip_of_every_dtype(tmp_path):
     for name, value in values.items():
         block = raw(path, f"g/{name}")
         if value.dtype.kind in "OTU":
-            # numpy's own texts, which can be plotted and learned, as wide as the longest
+            # texts of a fixed width, that of the longest, which can be plotted and learned
             assert same_bits(results[name].values, value.astype(object).astype("U3"))
             assert same_bits(block, results[name].values)
         else:
@@ -88,7 +88,7 @@ SCALARS = {
 
 
 def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
-    """As attributes that any reader of JSON knows; what these cannot hold stays an array."""
+    """They are stored as JSON attributes; values that these cannot hold are stored as arrays."""
     arrays = {name: coordinate((), np.array(value)) for name, value in SCALARS.items()}
     attrs = {"whole": SCALARS["whole"], "text": "another"}
     write_store(tmp_path / "s.zarr", {"g": ArrayGroup({"x": array(COUNTS), **arrays}, attrs)}, {})
@@ -115,7 +115,7 @@ CONSTANT = {
 
 
 def test_equal_values_need_no_chunk(tmp_path):
-    """They are the fill value of their array, until another value is written."""
+    """If all values are equal, they are the fill value; an array with another value has chunks."""
     path = tmp_path / "s.zarr"
     for last in (False, True):
         values = {name: value.copy() for name, value in CONSTANT.items()}
@@ -149,7 +149,7 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
         attrs={"title": "table", "level": np.float32(0.5)},
     )
 
-    # Names for which siblings are not written one after the other.
+    # With these names, groups of one parent are not written one after the other.
     late = ("tables/accuracy", "classification/late", "tables/more")
     groups |= {name: from_dataset(table) for name in late}
     write_store(path, groups, {"seed": 3, "list": [1, None]})
@@ -181,8 +181,8 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     ("values", "dtype"),
     [
         (np.zeros(SHAPE), "datetime64[s]"),
-        (COUNTS, "O"),  # no texts
-        (COUNTS.astype(str), "U"),  # of no width
+        (COUNTS, "O"),  # objects that are not texts
+        (COUNTS.astype(str), "U"),  # a dtype without a width
     ],
 )
 def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype):
@@ -219,7 +219,7 @@ def test_each_file_that_is_missing_extra_or_of_another_size_is_noticed(tmp_path)
 
 
 def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
-    """By the checksum within; a bit that is reserved may change nothing."""
+    """The chunk's checksum reveals the change; a reserved bit may leave the values unchanged."""
     path = tmp_path / "s.zarr"
     values = np.random.default_rng(1).integers(0, 2**15, 40).astype("i2")
     write_store(path, {"g": ArrayGroup({"x": array(values, chunks=values.shape)})}, {})
@@ -270,7 +270,7 @@ def test_a_foreign_manifest_is_one_sentence(tmp_path, content):
 
 
 class Failing(InlineExecutor):
-    """Loses one answer, and then goes on."""
+    """Executor that raises OSError for its first answers, and then works."""
 
     lost = 0
 
@@ -283,7 +283,7 @@ class Failing(InlineExecutor):
 
 
 def test_nothing_is_written_after_a_roll_back(tmp_path):
-    """Tasks under way are waited for, whatever ends the writing."""
+    """A write that fails waits for running tasks before it undoes its changes."""
     values, writers = np.arange(1.0, 9.0), Failing()
 
     def remote_read(region):

@@ -1,4 +1,4 @@
-"""Draws of every kind of stream, pinned: results in caches were made with them."""
+"""Names and draws of random streams are pinned, since results in caches were made with them."""
 
 from dataclasses import replace
 
@@ -34,8 +34,8 @@ def test_draws_of_a_stream_are_pinned(kind):
 
 
 def test_the_names_of_streams_are_pinned():
-    """Named settings, all settings, another stage's noise, and settings that may be left out."""
-    # Without the output that it puts into another's group.
+    """Streams have named settings, all settings, another stage's name, or optional settings."""
+    # Leave out the second output of the stage.
     reduced = replace(noisy, outputs=noisy.outputs[:1])
     stream = noisy.stream
     stages = {
@@ -74,7 +74,7 @@ def test_the_names_of_streams_are_pinned():
 
 
 class Left(Settings, key="left"):
-    """Settings whose last words are those of others, or of the stream itself."""
+    """Settings with names of settings of `Right`, or of `stage` and `seed` of a stream."""
 
     gain = number([1.0, 2.0], label="gain")
     stage = number([1.0, 2.0], label="stage")
@@ -82,13 +82,13 @@ class Left(Settings, key="left"):
 
 
 class Right(Settings, key="right"):
-    """Settings with the names of the others."""
+    """Settings with a name that `Left` has too."""
 
     gain = number([1.0, 2.0], label="gain")
 
 
 def test_settings_of_equal_names_draw_independent_noise():
-    """Whether the names are those of each other, of the stage or of the seed."""
+    """This holds for settings named like each other, like `stage` or like `seed`."""
     settings = (Left.gain, Right.gain, Left.stage, Left.seed)
     drawn = stage(Output("y"), stream=Stream(settings), group=Group("drawn"))(lambda rng: 0.0)
     experiment = Experiment("few", "Few", (Left, Right, replace(drawn, name="drawn")))
@@ -101,7 +101,7 @@ def test_settings_of_equal_names_draw_independent_noise():
 
 
 def test_a_setting_that_a_stream_alone_names_makes_cells():
-    """Two draws for each of two masses, though the function takes no number of a draw."""
+    """Two draws for each of two masses have own keys, though the function takes no draw number."""
     stream = Stream((Spring.mass,), optional=(Measured.draw,))
     drawn = stage(Output("drawn"), group=Group("drawn"), stream=stream, uses=(Spring,))(normal)
     springs = having(SPRINGS, (drawn,), ())
@@ -113,14 +113,14 @@ def normal(mass, rng):
     return mass * rng.normal()
 
 
-DRAWING = {"noisy", "trace", "answers"}  # stages that take `rng`
+DRAWING = {"noisy", "trace", "answers"}  # stages that take `rng`, or results of such a stage
 
 
 @pytest.mark.parametrize(
     ("version", "all_keys"), [("STREAM_VERSION", True), ("np.__version__", False)]
 )
 def test_a_version_of_streams_changes_the_keys_of_what_may_draw(monkeypatch, version, all_keys):
-    """Any stage may call `cell_rng`, whose version is ours; numpy's counts where it is imported."""
+    """STREAM_VERSION changes all keys, as any stage may call `cell_rng`; numpy's only `DRAWING`."""
 
     def keys():
         plan = Plan(SPRINGS, read_choices(SPRINGS.declared, {}))

@@ -1,6 +1,6 @@
-"""What happens to a sweep from outside: killed and stopped processes, full disks, jumping clocks.
+"""Sweeps survive killed and stopped processes, full disks and jumping clocks.
 
-Each ends in the store of a run that nothing happened to: at once, or by the same command again.
+Either the sweep itself or a repeat of its command makes the store of an undisturbed run.
 """
 
 import errno
@@ -38,7 +38,7 @@ SEARCH = f"{IMPORTS}:{Path(__file__).parents[1]}"
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Files of a store to which nothing happened."""
+    """Return the files of the store of an undisturbed run."""
     path = tmp_path_factory.mktemp("whole") / "s.zarr"
     go(path)
     return files(path)
@@ -46,7 +46,7 @@ def whole(tmp_path_factory):
 
 @pytest.fixture(scope="module", autouse=True)
 def cut_off(tmp_path_factory):
-    """A sweep one of whose workers is stopped for a minute, which runs beside the other tests."""
+    """Run a sweep with a worker stopped for a minute, in parallel with the other tests."""
     folder = tmp_path_factory.mktemp("cut_off")
     script, environment = (
         Path(__file__).with_name("cut_off.py"),
@@ -63,7 +63,7 @@ def cut_off(tmp_path_factory):
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def mortal(size):
-    """What a worker dies of when it is computed for the first time, for some sizes."""
+    """Kill the worker when a size that is not spared is computed for the first time."""
     folder = Path(os.environ[MARKS])
     if not (folder / f"spared {size}").exists():
         (folder / f"spared {size}").touch()
@@ -86,7 +86,7 @@ def test_workers_that_are_killed_are_replaced(deaths, tmp_path, monkeypatch):
 def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
     tmp_path, monkeypatch
 ):
-    """Stopped for longer than the scheduler waits for it, which are 5 minutes in use."""
+    """The worker is stopped for longer than the scheduler waits for it (5 minutes by default)."""
     monkeypatch.setitem(dask_cluster.DASK_SETTINGS, "distributed.scheduler.worker-ttl", "1s")
     monkeypatch.setattr(dask_cluster, "CHECK_INTERVAL", 0.1)
 
@@ -114,7 +114,7 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
             eventually(lambda: list(cache.rglob("*.pack")))
             monkeypatch.setattr(
                 dask_cluster, "ANSWER_SECONDS", 1
-            )  # of a scheduler that is there, 10 s
+            )  # 10 s until the scheduler is killed
             scheduler.kill()
 
         names = ("address", "ca_file", "cert", "private_key")
@@ -137,7 +137,7 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
 
 @contextmanager
 def disk(folder, size):
-    """A disk of some bytes; yields a function that makes it larger."""
+    """Mount a disk of `size`; yield a function that enlarges it to 50 MiB."""
 
     def mount(*options):
         command = ["mount", "-t", "tmpfs", "-o", ",".join(options), "none", str(folder)]
@@ -189,7 +189,7 @@ def test_a_full_temporary_folder_is_not_used(whole, tmp_path):
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def greedy(size):
-    """A sum that needs much memory for one size."""
+    """Return a sum that needs 64 GiB of memory for size 2."""
     return np.ones(2**33 if size == 2 else 1).sum()
 
 
@@ -254,12 +254,12 @@ def test_a_store_of_another_version_is_a_sentence(monkeypatch, tmp_path):
 # -- clocks
 
 LIBRARY = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
-TRIES = 5  # on a busy machine the library refuses to sleep until a time that has just passed
+TRIES = 5  # on a busy machine, libfaketime refuses to sleep until a time that has just passed
 
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def jumping(size):
-    """A number; the clock jumps when that of one size is computed."""
+    """Return a number; make the clock jump when size 3 is computed for the first time."""
     folder = Path(os.environ[MARKS])
     if size == 3 and not (folder / "jumped").exists():
         before = time.time()
@@ -273,10 +273,10 @@ def jumping(size):
 @pytest.mark.skipif(LIBRARY is None, reason="no libfaketime here (apt install faketime)")
 @pytest.mark.parametrize(("kind", "days"), [("inline", -3), ("local", 3)])
 def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
-    """While cells are computed, after some were.
+    """The clock jumps while a cell is computed, after other cells were.
 
-    Not backwards with workers: a message of dask waits for the next whole milliseconds by this
-    clock (`distributed.batched`), and so for days if it is set within them.
+    With workers it jumps only forwards: dask delays a message to the next whole milliseconds of
+    this clock (`distributed.batched`), and so for days if the clock is set back meanwhile.
     """
     (tmp_path / "clock").write_text("+0")
     variables = {"LD_PRELOAD": str(LIBRARY), "FAKETIME_TIMESTAMP_FILE": str(tmp_path / "clock")}
@@ -298,11 +298,11 @@ def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
     assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in sizes]
 
 
-# -- what began with the first test of this file
+# -- the sweep of the fixture `cut_off`, which began with the first test of this file
 
 
 def test_a_worker_that_is_cut_off_for_a_minute_goes_on(cut_off):
-    """With the times of use: it computes its cell to the end, and no cell is computed twice."""
+    """With default timeouts, the worker completes its cell, and no cell is computed twice."""
     folder, process = cut_off
     out, _ = process.communicate(timeout=300)
     result = json.loads(out)

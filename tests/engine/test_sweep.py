@@ -1,4 +1,4 @@
-"""Whole sweeps of toys: right numbers, one store however it is made, nothing computed twice."""
+"""Whole sweeps give the right numbers, the same store for all workers, and compute cells once."""
 
 import math
 from itertools import product
@@ -19,7 +19,7 @@ STIFFNESS, MASS, LENGTH, DRAW = (1.0, 2.0, 4.0), (1.0, 2.0), (2, 4), (0, 1)
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """Store of the springs with all defaults."""
+    """Return the store of the springs with all defaults."""
     path = tmp_path_factory.mktemp("springs") / "s.zarr"
     go(path)
     return path
@@ -58,10 +58,10 @@ def test_every_number_is_that_of_a_plain_computation(store):
 def test_dimensions_coordinates_and_units(store):
     springs = opened(store, "springs")
     assert springs.period.dims == ("stiffness", "mass")
-    assert springs.noisy.dims == ("mass", "length", "draw", "stiffness")  # as `dims` has it
+    assert springs.noisy.dims == ("mass", "length", "draw", "stiffness")  # the order of `dims`
     assert springs.period.attrs == {"units": "s", "long_name": "period"}
     assert springs.stiffness.attrs == {"units": "N m-1", "long_name": "stiffness"}
-    assert "limit" not in springs.coords  # one value, and neither shown nor noted
+    assert "limit" not in springs.coords  # one value is no coordinate by default
     assert springs.drawn.dims == ("mass", "length", "draw", "stiffness")
     assert (opened(store, "status").answers == 1).all()
     root = read_attributes(store)
@@ -72,9 +72,9 @@ def test_dimensions_coordinates_and_units(store):
 def test_equal_cells_are_computed_once_and_parents_shared(tmp_path):
     CALLS.clear()
     finished = go(tmp_path / "s.zarr")
-    # 1/1 and 2/2, and 2/1 and 4/2, have the same rate: four solvers and periods for six places.
+    # 1/1 and 2/2, and 2/1 and 4/2, have the same rate: four solvers and periods for six cells.
     assert CALLS["period"] == finished.progress["period"].done == 4
-    assert CALLS["solver"] == 4  # periods and energies of a rate share one
+    assert CALLS["solver"] == 4  # periods and energies of one rate share a solver
     assert CALLS["energy"] == 6
     CALLS.clear()
     again = go(tmp_path / "s.zarr")
@@ -89,7 +89,7 @@ def test_local_workers_make_the_same_store(store, tmp_path, workers):
 
 
 def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeypatch):
-    """Only of a package: a script's own function may end its process, and then the command."""
+    """This holds for code of packages only: a script's function could end the command's process."""
     started = []
 
     def counted(choice, **options):
@@ -118,7 +118,7 @@ def test_what_was_measured_is_kept_and_says_so(tmp_path):
 
 @stage(Output("flat", ("place",), label="flat"), uses=(Few,), group=Group("poor"))
 def flat(size):
-    """A number where an array is declared."""
+    """Return a number though an array is declared."""
     return 0.0
 
 

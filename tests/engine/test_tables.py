@@ -1,4 +1,4 @@
-"""A table that fails costs itself, and no store."""
+"""A table that fails is reported, and the store has everything else."""
 
 import numpy as np
 import pytest
@@ -12,32 +12,32 @@ from sweeps.engine.store.writing import read_attributes
 
 
 def spoilt(answers, choices):
-    """A table with a mistake."""
+    """Fail with a KeyError."""
     return answers["nothing"]
 
 
 def unstorable(answers, choices):
-    """A table of durations."""
+    """Return a table of durations, which cannot be stored."""
     return xr.Dataset({"x": ("place", np.array([1], "m8[s]"))})
 
 
 def bare(answers, choices):
-    """No data set."""
+    """Return a dict instead of a data set."""
     return {"x": 1}
 
 
 def mute(answers, choices):
-    """A table that is forgotten."""
+    """Make a table, but do not return it."""
     answers.assign(x=1)
 
 
 def after(best, choices):
-    """A table of another table."""
+    """Return a table made of another table."""
     return best
 
 
 def experiment(make):
-    """The springs with a table that fails, one of it, and one of another."""
+    """Return the springs with a table by `make`, one that needs it, and their own table."""
     tables = (
         Table("tables/spoilt", ("answers",), make),
         Table("tables/after", ("tables/spoilt",), after),
@@ -64,7 +64,7 @@ def test_a_failing_table_costs_only_itself(tmp_path, make):
             f"test_tables.py:{line}: its function has no return, but must return a data set or None"
         )
     assert "best" in opened(tmp_path / "s.zarr", "tables/best")
-    # Mended, it is made of the results that are there.
+    # Without the failing tables, a run reuses all results.
     again = run(SPRINGS, choices, tmp_path / "s.zarr", tmp_path / "s.cache")
     assert again.failures == [] and sum(progress.done for progress in again.progress.values()) == 0
     run(SPRINGS, choices, tmp_path / "t.zarr", tmp_path / "s.cache")

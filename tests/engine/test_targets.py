@@ -1,4 +1,4 @@
-"""Where a store may be put, and by one writer at a time."""
+"""Paths of stores and caches are refused if they are unusable, unsafe, in use or overlap."""
 
 import os
 import stat
@@ -73,7 +73,7 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
         (path / "zarr.json").write_text("mine")
         return np.zeros((1, 6), "f4")
 
-    if appears:  # while the store is written
+    if appears:  # the file appears while the store is written
         groups["one"].arrays["x"] = array(np.zeros((1, 6), "f4"), chunks=(1, 6), read=put)
     else:
         put()
@@ -106,7 +106,7 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
 @pytest.mark.parametrize("mask", [0, 0o022, 0o077])
 def test_others_never_write_a_store(tmp_path, mask, umask, monkeypatch):
     umask(mask)
-    masks = []  # that other threads see
+    masks = []  # set for the whole process, so that other threads use them too
     monkeypatch.setattr(os, "umask", lambda new: masks.append(new) or umask(new))
     write_store(tmp_path / "new" / "s.zarr", small(1), {})
     paths = [tmp_path / "new", *(tmp_path / "new").rglob("*")]

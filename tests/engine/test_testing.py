@@ -1,4 +1,4 @@
-"""Cells computed twice: those that are not reproducible, or depend on others, are named."""
+"""`check_pure` computes cells twice and names those that differ, depend on others or fail."""
 
 import numpy as np
 import pytest
@@ -14,27 +14,27 @@ COUNTED = {"calls": 0}
 
 @stage(Output("x", ("place",), label="x", dtype="f8"), uses=(Few,), group=Group("all"), version="1")
 def counting(size):
-    """A result that depends on how often something was computed, for one size."""
+    """Return a result that, for size 3, depends on the number of calls."""
     COUNTED["calls"] += size == 3
     return np.array([size, float(COUNTED["calls"])]) if size == 3 else np.array([size, np.nan])
 
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), along=(Few.size,), group=Group("all"))
 def in_company(size):
-    """A result that depends on the other values."""
+    """Return results of which that of size 2 depends on the other sizes."""
     return np.array(size) - np.mean(size) * (np.array(size) == 2)
 
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def failing(size):
-    """A number, but for one size."""
+    """Return the size; fail for size 2."""
     if size == 2:
         raise ValueError("no")
     return size
 
 
 def checked(experiment, max_cells=10**9, **values):
-    """How many cells of each stage were compared."""
+    """Check an experiment; return the number of cells compared for each stage."""
     return check_pure(experiment, read_choices(experiment.declared, values), max_cells=max_cells)
 
 

@@ -1,4 +1,4 @@
-"""One thread for numerical libraries wherever tasks run, also in the process of the command."""
+"""Numerical libraries use one thread wherever tasks run, also in the process of the command."""
 
 import os
 import shutil
@@ -21,7 +21,7 @@ from sweeps.engine.declare.stage import Group, Output, stage
     group=Group("all"),
 )
 def threads(size):
-    """The threads of the libraries of this process, as seen by what computes."""
+    """Return the largest thread limit of loaded libraries, and OMP_NUM_THREADS, during a task."""
     return {
         "most": max(library["num_threads"] for library in threadpool_info()),
         "told": int(os.environ["OMP_NUM_THREADS"]),
@@ -29,7 +29,7 @@ def threads(size):
 
 
 def test_an_inline_stage_has_one_thread(tmp_path, monkeypatch):
-    """OpenMP has a limit for each thread that calls it: that of another one does not count."""
+    """OpenMP has a limit for each calling thread, so the limit must be set in the task's thread."""
     import_module("sklearn.utils._openmp_helpers")  # loads an OpenMP library
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     with threadpool_limits(3):
@@ -67,7 +67,7 @@ if __name__ == "__main__":
 
 
 def test_no_two_threads_import_dask_at_once(tmp_path):
-    """Its modules import each other: a second thread would find some half imported."""
+    """The modules of dask import each other: a second thread could see a half-imported one."""
     script = tmp_path / "script.py"
     script.write_text(IMPORTERS)
     path = os.pathsep.join(map(str, (ROOT, Path(__file__).parent, Path(__file__).parents[1])))

@@ -1,4 +1,4 @@
-"""What of a key differs from the last sweep of a store, and why the engine did what it did."""
+"""`--why` names the parts of keys that differ from a store; debug logs explain decisions."""
 
 import logging
 from copy import deepcopy

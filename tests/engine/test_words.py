@@ -1,4 +1,4 @@
-"""Words of a command line that Hydra cannot read, and what is advised: pasted, it runs."""
+"""Command-line words that Hydra cannot read are refused with a replacement that it can read."""
 
 import shlex
 import subprocess
@@ -16,7 +16,7 @@ WIDE = "\N{FULLWIDTH DIGIT ONE}"
 
 
 def refused(*words):
-    """The sentence that a command line is refused with."""
+    """Return the error message that refuses a command line."""
     with pytest.raises(ConfigurationError) as caught:
         read_jobs(SPRINGS, words, several=False)
     assert "\n" not in str(caught.value)
@@ -24,7 +24,7 @@ def refused(*words):
 
 
 def advised(sentence, before="quote it, "):
-    """The word that a sentence ends with, as a shell passes it on."""
+    """Return the word advised at the end of a message, as a shell passes it on."""
     _, found, word = sentence.partition(before)
     assert found
     shell = ["sh", "-c", f"printf %s {word}"]
@@ -52,7 +52,7 @@ def test_any_text_is_read_or_quoted(text):
         [job] = read_jobs(SPRINGS, [f"cluster.queue={text}"], several=False)
     except ConfigurationError as error:
         if "quote it, " not in str(error):
-            assert "a text that is not empty" in str(error)  # a number, say
+            assert "a text that is not empty" in str(error)  # the word may be a number
             return
         [word] = shlex.split(str(error).partition("quote it, ")[2])
         [job] = read_jobs(SPRINGS, [word], several=False)
@@ -64,7 +64,7 @@ def test_any_text_is_read_or_quoted(text):
     [
         (["spring.mass=[1,", "2]", "seed=1"], (1, 2)),
         (["spring.mass={start:", "1,", "stop:", "2,", "step:", "1}"], (1, 2)),
-        (["cluster.queue=[größe,", "x]"], None),  # takes one value, and says so
+        (["cluster.queue=[größe,", "x]"], None),  # it takes only one value
     ],
 )
 def test_a_word_that_the_shell_has_split_is_put_together(words, values):

@@ -1,4 +1,4 @@
-"""Toy experiments for the tests of the engine, and how to run them."""
+"""Toy experiments for the tests of the engine, and functions that run them."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ from sweeps.engine.sweeping import RunOptions, sweep
 
 
 class Calls(Counter[str]):
-    """How often stages were called: results do not depend on it, so it counts by its name."""
+    """Numbers of cells computed; pickled by name, as results do not depend on the numbers."""
 
     def __reduce__(self):
         return "CALLS"
 
 
 CALLS = Calls()
-"""Cells that each stage computed in this process."""
+"""Number of cells that each stage computed in this process."""
 
 
 class Spring(Settings, key="spring"):
@@ -65,7 +65,7 @@ class Spring(Settings, key="spring"):
 
 
 class Measured(Settings, key="measured"):
-    """What is measured of it."""
+    """Settings of the measurements of a spring."""
 
     length = count([2, 4], 1, 50, label="samples", single=DIMENSION)
     draw = draws(2, label="draw")
@@ -79,13 +79,13 @@ STATE = Status("answers", "state of the answers", (Spring.mass, Measured.length)
 
 @plain(uses=(Spring,))
 def rate(stiffness, mass):
-    """Angular frequency [rad/s]; equal for some pairs of stiffness and mass."""
+    """Return the angular frequency [rad/s]; equal for some pairs of stiffness and mass."""
     return round(math.sqrt(stiffness / mass), 12)
 
 
 @in_memory(uses=(Spring,))
 def solver(rate):
-    """An object that two stages share."""
+    """Return an object that two stages use."""
     CALLS["solver"] += 1
     return {"rate": rate}
 
@@ -96,7 +96,7 @@ def solver(rate):
     group=Group("springs"),
 )
 def period(solver, limit, pause):
-    """Period [s], refused where the spring is too stiff."""
+    """Return the period [s]; raise ValueError where the angular frequency exceeds the limit."""
     CALLS["period"] += 1
     time.sleep(pause)
     if solver["rate"] > limit:
@@ -112,7 +112,7 @@ def period(solver, limit, pause):
     group=Group("springs"),
 )
 def energy(solver, mass):
-    """Energy [J], and a shape that begins somewhere and is as long as the mass is heavy."""
+    """Return the energy [J], a shape whose length grows with the mass, and its first bin."""
     CALLS["energy"] += 1
     bins = 1 + int(mass)
     begin = int(10 * solver["rate"])
@@ -128,7 +128,7 @@ def energy(solver, mass):
     stream=Stream((Spring.stiffness, Spring.mass, Measured.draw)),
 )
 def noisy(period, length, draw, rng):
-    """A measured period for every length; the longer ones go on where the shorter ones end."""
+    """Return a measured period for every length; short ones use the first draws of longer ones."""
     CALLS["noisy"] += len(length)
     noise = rng.standard_normal(max(length))
     means = np.array([noise[:samples].mean() for samples in length])
@@ -142,7 +142,7 @@ def noisy(period, length, draw, rng):
     stream=Stream((Spring.stiffness, Spring.mass, Measured.draw), "noisy"),
 )
 def trace(stiffness, length, draw, rng):
-    """The noise itself, as long as it is measured."""
+    """Return the stiffness plus noise of `length` samples."""
     CALLS["trace"] += 1
     return stiffness + rng.standard_normal(length)
 
@@ -156,7 +156,7 @@ def trace(stiffness, length, draw, rng):
     group=Group("answers", status=STATE),
 )
 def answers(noisy, length, rule, doubled, valid):
-    """What is said of all springs that are there."""
+    """Return max, mean or min over all valid springs by rule, and which springs counted."""
     CALLS["answers"] += len(length) * len(rule)
     functions = {"max": np.max, "mean": np.mean, "min": np.min}
     values = [
@@ -178,20 +178,20 @@ def answers(noisy, length, rule, doubled, valid):
     name="compared",
 )
 def compared(period, reference):
-    """The period at the stiffness of the reference."""
+    """Return the period at the reference stiffness, divided by this stiffness."""
     CALLS["compared"] += 1
     return period / reference
 
 
 def tabulated(answers, choices):
-    """A table of the answers."""
+    """Return a table of the largest answer over all rules."""
     best = answers["answer"].max("rule") if "rule" in answers.dims else answers["answer"]
     best.attrs = {"units": "s", "long_name": "best answer"}
     return xr.Dataset({"best": best})
 
 
 def checked(choices):
-    """Choices whose reference is a spring that is there."""
+    """Return the choices; refuse a reference that is not one of the stiffnesses."""
     strange = [
         value
         for value in choices[Spring.reference]
@@ -227,7 +227,7 @@ def run(
     experiment, choices, store, cache=None, kind="inline", workers=None, callbacks=None, **keywords
 ):
     """Run an experiment into a store."""
-    drop_objects()  # as a new process would
+    drop_objects()  # a new process has none in memory
     place = path_or_url("store", store)
     cache = Path(cache or path_beside(place).with_suffix(".cache"))
     cluster = kind if isinstance(kind, ClusterChoice) else ClusterChoice(kind, workers)
@@ -236,7 +236,7 @@ def run(
 
 
 class Recorder:
-    """Sentences and failures that a sweep tells of."""
+    """Collect the sentences and failures that a sweep reports."""
 
     def __init__(self):
         self.sentences = []
@@ -244,14 +244,14 @@ class Recorder:
 
     @property
     def callbacks(self):
-        """What a sweep is given."""
+        """Return the callbacks to pass to a sweep."""
         return Callbacks(
             self.sentences.append, failed=lambda failure: self.failures.append(failure[:2])
         )
 
 
 def having(experiment, stages=None, tables=None):
-    """An experiment with other stages or tables."""
+    """Return an experiment with other stages or tables."""
     settings = (part for part in experiment.parts if not isinstance(part, Stage | Table))
     stages = experiment.stages if stages is None else stages
     tables = experiment.tables if tables is None else tables
@@ -259,7 +259,7 @@ def having(experiment, stages=None, tables=None):
 
 
 def without(experiment, name):
-    """An experiment without one of its stages, and without the tables of its group."""
+    """Return an experiment without one stage and without tables of groups that this removes."""
     stages = tuple(declared for declared in experiment.stages if declared.name != name)
     groups = {declared.group.path for declared in stages}
     tables = tuple(table for table in experiment.tables if groups.issuperset(table.of))
@@ -267,13 +267,13 @@ def without(experiment, name):
 
 
 class Few(Settings, key="few"):
-    """Of experiments of a few cells."""
+    """Settings of experiments with a few cells."""
 
     size = count([1, 2, 3], label="size")
 
 
 def of(*stages):
-    """An experiment of stages that take a size."""
+    """Return an experiment of stages that take a size."""
     return Experiment("few", "Few", (Few, *stages))
 
 
@@ -291,6 +291,6 @@ def run_few(stages, store, cache=None, sizes=(1, 2, 3), **keywords):
     group=Group("timed"),
 )
 def timed(size):
-    """A time, which is another whenever it is taken, and a result, which is not."""
+    """Return a measured time, different at each call, and a result that is always the same."""
     CALLS["timed"] += 1
     return {"took": CALLS["timed"] + np.arange(len(size)) / 8, "square": np.square(size)}
