@@ -1,4 +1,4 @@
-"""The rule of the Adaptive Clustering Network as the article prints it."""
+"""Plain version of the Adaptive Clustering Network's rule as the article prints it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def plain_network(X, vigilance, learning_rate, max_passes=100):
-    """Categories, assignments, passes and convergence, every norm computed afresh."""
+    """Return categories, assignments, passes and convergence, recomputing every norm."""
     traces: list[NDArray[np.float64]] = []
     assigned = [-1] * len(X)
     for n_passes in range(1, max_passes + 1):

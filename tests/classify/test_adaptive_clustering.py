@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network against its rule written plainly, and what the rule implies."""
+"""The Adaptive Clustering Network follows its plain rule and the consequences of the rule."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def fit(X, y=None, **parameters) -> AdaptiveClusteringNetwork:
 
 
 def profiles(rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """124 made-up profiles: scatterers of four ships, projected at 31 aspects, 250 bins."""
+    """Return 124 synthetic profiles: scatterers of four ships at 31 aspects, 250 bins."""
     down_range = np.arange(250) - 125.0
     place, height = rng.uniform(-70.0, 70.0, (4, 12)), rng.uniform(0.2, 1.0, (4, 12))
     aspect = np.radians(np.arange(0, 91, 3))
@@ -96,7 +96,7 @@ def test_a_category_that_lost_its_vectors_does_not_answer():
     np.testing.assert_array_equal(network.labels_, [0, 1, 0, 0, 1, 1])
     assert network.n_categories_ == len(network.categories_) == 2
     np.testing.assert_allclose(network.categories_, traces[1:], rtol=1e-14)
-    # What is left of the lost category lies at 29.9 deg, where it would have answered.
+    # The lost category's vector lies at 29.9 deg, where it would have answered.
     category, _ = network.match(on_a_circle(29.0))
     assert category == [0]
 

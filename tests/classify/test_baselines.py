@@ -1,4 +1,4 @@
-"""Nearest neighbour by correlation: ties, zero vectors, and templates left out."""
+"""Nearest neighbour by correlation handles ties, zero vectors and excluded templates."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def test_it_is_a_scikit_learn_classifier(estimator, check):
 
 
 def test_equal_matches_go_to_the_first():
-    """Repeats fall on all places of a blocked product, whose rounding may differ by place."""
+    """Repeats take all places in a blocked product, as rounding may differ by place."""
     rng = np.random.default_rng(6)
     X = np.tile(rng.standard_normal((5, 250)), (11, 1)) * rng.uniform(0.1, 9.0, (55, 1))
     tests = rng.standard_normal((200, 250))
@@ -29,7 +29,7 @@ def test_zero_vectors_match_nothing():
     X = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -1.0]])
     neighbour = CorrelationNeighbour().fit(X, ["void", "east", "south"])
     template, similarity = neighbour.match([[0.0, 0.0], [-1.0, 1e-9], [-1.0, 1.0]])
-    # The zero template has cosine 0 to everything, more than the others, and yet is silent.
+    # The zero template has the largest cosine, 0, and yet does not match.
     np.testing.assert_array_equal(template, [-1, 2, 1])
     np.testing.assert_allclose(similarity, [0, -1e-9, -np.sqrt(0.5)], rtol=1e-12)
     assert neighbour.predict([[0.0, 0.0]]) == ["void"]
@@ -39,7 +39,7 @@ def test_zero_vectors_match_nothing():
 
 @pytest.mark.parametrize("shape", [(9, 30), (30,), (1, 9)])
 def test_templates_left_out_are_one_value_or_of_a_shape_that_fits(shape):
-    """`test_blocks` holds the answers against those of all cosines."""
+    """`test_blocks` compares the answers with those of all cosines."""
     rng = np.random.default_rng(7)
     neighbour = CorrelationNeighbour().fit(rng.standard_normal((9, 20)), np.arange(9))
     with pytest.raises(ValueError, match=r"^exclude has shape .* \(9,\) or \(30, 9\)"):

@@ -1,4 +1,4 @@
-"""Aspects between templates: tangents and residuals by closed forms, and what is calibrated."""
+"""Template errors between aspects match closed forms, and give calibrated probabilities."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BINS = 40
 
 
 def parabola(aspect, curvature=0.02):
-    """Profiles that are a parabola in aspect in every bin."""
+    """Return profiles that are a parabola in aspect in every bin."""
     bins = np.linspace(0.5, 1.5, BINS)
     x = np.asarray(aspect)[:, None] - 40
     return bins * (3 + 0.1 * x + curvature * x**2 / 2)
@@ -24,7 +24,7 @@ def parabola(aspect, curvature=0.02):
 
 @pytest.mark.parametrize("aspect", [[10, 20, 30, 40], [0.0, 7.0, 11.0, 30.0, 31.0]])
 def test_a_parabola_has_its_own_tangent_and_half_its_second_difference(aspect):
-    """Exact for polynomials of the second degree, but for the slope at open ends."""
+    """Both are exact for polynomials of the second degree, except the slope at open ends."""
     aspect = np.array(aspect, dtype=float)
     computed = cells(parabola(aspect), np.zeros(len(aspect)), aspect, WHITE)
     bins = np.linspace(0.5, 1.5, BINS)
@@ -50,11 +50,11 @@ def test_the_band_of_a_residual_is_positive_semidefinite():
     assert np.linalg.eigvalsh(matrix).min() > -1e-10 * residual.max()
 
 
-# What is calibrated
+# Calibration
 
 
 def smooth_ships(aspect, ships=3, scale=6.0, seed=4):
-    """Random ships whose profiles change over some degrees: (ship, aspect, bin)."""
+    """Return random ships whose profiles change over some degrees, (ship, aspect, bin)."""
     rng = np.random.default_rng(seed)
     knots = np.arange(-60, 151, 3.0)
     weights = np.exp(-0.5 * ((np.asarray(aspect)[:, None] - knots) / scale) ** 2)
@@ -82,9 +82,9 @@ def fresh(count=120, frames=16, noise=0.5):
 
 
 def test_probabilities_at_fresh_aspects_are_not_too_sure():
-    """Negative log-likelihoods: smaller than with exact templates, and no more than claimed.
+    """Calibrated errors lower the negative log-likelihood, and avoid overconfident answers.
 
-    Of 360 answers the share that is wrong is below the mean claim plus 3 standard errors.
+    The share of wrong ones among 360 answers is below the mean claim plus 3 standard errors.
     """
     samples = fresh().reshape(-1, BINS)
     true = np.repeat([0, 1, 2], 120)
@@ -103,7 +103,7 @@ def test_probabilities_at_fresh_aspects_are_not_too_sure():
 
 
 def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
-    """So many that templates count: the density knows it, and noise is a sixteenth of a frame's.
+    """With sixteen frames the noise variance is a sixteenth, and the density is told so.
 
     The mean square of 480 normals scatters by 6.5 %; five of that are allowed.
     """
@@ -123,12 +123,12 @@ def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
     assert nearest.sum() / samples.size == pytest.approx(noise**2 / 16, rel=5 * 0.065)
 
 
-# What one sensor may outweigh of another
+# Limits on how far one sensor may outweigh another
 
 
 @pytest.mark.parametrize("added", [0.25, 1.0])
 def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
-    """By the sum itself, on a grid of 1 in 1,000 of outlier fractions, for several weights."""
+    """Compare with the sum's maximum on a grid of 1 in 1,000 of fractions, for several weights."""
     rng = np.random.default_rng(10)
     sure = rng.beta(5, 1, 80)
     weight = rng.random((3, 80))
@@ -152,7 +152,7 @@ def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
 
 
 def test_outliers_bound_what_a_sensor_outweighs_and_name_no_other_label():
-    """With labels equally many: (1 - e) p + e / labels, by definition."""
+    """With outlier fraction e the posterior is (1 - e) p + e / labels, by definition."""
     scores = np.random.default_rng(8).normal(scale=30, size=(50, 6))
     labels = np.array([0, 0, 1, 1, 2, 2])
     plain = label_posterior(scores, labels)[1]
@@ -165,7 +165,7 @@ def test_outliers_bound_what_a_sensor_outweighs_and_name_no_other_label():
 
 
 def test_outlier_fractions_of_each_template():
-    """log((1 - e) p + e) with p relative to its mean over labels; 1 leaves nothing."""
+    """Scores become log((1 - e) p + e) with p relative to its mean; e = 1 removes them."""
     scores = np.random.default_rng(8).normal(size=(5, 4))
     outlier_fractions = np.array([0.0, 0.2, 1.0, 1.0])
     relative = np.exp(scores) / np.exp(scores).mean(axis=1, keepdims=True)
@@ -182,7 +182,7 @@ def test_outlier_fractions_of_each_template():
 
 
 def mistaken(samples, share, seed, distance=3.0):
-    """Log densities of looks at four templates, of which a share is of any other template."""
+    """Return log densities of looks at four templates, with a share from random templates."""
     rng = np.random.default_rng(seed)
     truth = rng.integers(4, size=samples)
     template = np.where(rng.random(samples) < share, rng.integers(4, size=samples), truth)
@@ -193,7 +193,7 @@ def mistaken(samples, share, seed, distance=3.0):
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
 @pytest.mark.parametrize("share", [0.05, 0.3])
 def test_inverse_temperature_and_outlier_fraction_are_found_together(scale, share):
-    """The outlier fraction is the share of mistakes, of 4,000 looks: within four standard errors.
+    """The outlier fraction is the share of mistakes in 4,000 looks within four standard errors.
 
     The inverse temperature scatters by some 5 % (found by repeating).
     """

@@ -1,4 +1,4 @@
-"""Comparisons in blocks of samples, against the plain computation that holds them all."""
+"""Comparisons in blocks of samples agree with the plain computation, in less memory."""
 
 import numpy as np
 import pytest
@@ -12,25 +12,25 @@ from ncti.classify.baselines import TIE_TOLERANCE
 from ncti.classify.blocks import ROWS, row_blocks
 from ncti.classify.directions import unit_vectors
 
-# Kernels of OpenBLAS that add the terms of every element in one order, whatever the shape.
+# Kernels of OpenBLAS that add the terms of every element in one order for any shape.
 IN_ORDER = {"Haswell", "Zen"}
 
 
 def same_bits() -> bool:
-    """Whether all BLAS libraries of this process are known to keep the bits in blocks."""
+    """Return whether all BLAS libraries of this process give the same bits in blocks."""
     blas = [library for library in threadpool_info() if library["user_api"] == "blas"]
     return bool(blas) and all(library.get("architecture") in IN_ORDER for library in blas)
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _one_thread():
-    """Products of several threads are split by their number; sweeps compute with one."""
+    """Limit BLAS to one thread, as in sweeps, because threads change how products are split."""
     with threadpool_limits(1):
         yield
 
 
 def assert_products(product, plain, features):
-    """The same bits, or what as many terms of unit vectors can differ by where these are summed."""
+    """Check equal bits if the BLAS keeps them, else equality within summation rounding."""
     if same_bits():
         np.testing.assert_array_equal(product, plain)
     atol = 2 * features * np.finfo(product.dtype).eps
@@ -107,6 +107,6 @@ def test_memory_of_matches_is_in_proportion_to_their_number(hidden):
         return peak_memory(lambda: neighbour.match(vectors, exclude=exclude))
 
     small, large = peak(2_000), peak(8_000)
-    # Sixteen times as many cosines, half a gigabyte of them; a block's are four times as many.
+    # Sixteen times as many cosines would be half a gigabyte; those of a block grow fourfold.
     assert large < 5 * small
     assert large < 8_000**2

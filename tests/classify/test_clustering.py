@@ -1,4 +1,4 @@
-"""The network from cosines alone, against the rule as the article prints it."""
+"""The network computed from cosines alone agrees with the article's rule."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from ncti.classify.directions import SAME_DIRECTION
 
 @pytest.fixture(params=[clustering.BLOCK, 12], ids="block of {}".format, autouse=True)
 def block(request, monkeypatch):
-    """Vectors whose cosines are held at once: all of those here, or some."""
+    """Set the number of vectors whose cosines are held at once: all of them, or some."""
     monkeypatch.setattr(clustering, "BLOCK", request.param)
 
 
@@ -50,7 +50,7 @@ def assert_is_plain_rule(training, tests, order, *, vigilance, learning_rate, ma
 @pytest.mark.parametrize("learning_rate", [0.01, 0.1, 0.5, 1.0])
 @pytest.mark.parametrize("max_passes", [1, 2, 50])
 def test_it_is_the_plain_rule(vigilance, learning_rate, max_passes):
-    """On random vectors of several lengths, zero ones among them, in random order."""
+    """Test random vectors of several lengths, with zero vectors, in random order."""
     rng = np.random.default_rng(3)
     groups = rng.normal(size=(6, 30))
     training = groups[rng.integers(0, 6, 80)] + 0.3 * rng.normal(size=(80, 30))
@@ -69,13 +69,13 @@ def test_it_is_the_plain_rule(vigilance, learning_rate, max_passes):
 
 
 def test_a_vector_must_exceed_the_vigilance():
-    """To equal it is not enough."""
+    """A match equal to the vigilance is not enough."""
     assert cluster(Similarities.of(np.eye(2)), vigilance=0.0).labels.tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("features", [5, 30])
 def test_samples_left_out_of_the_order_are_not_learned(features):
-    """Whether there are more of them than features or not."""
+    """This holds for more samples than features, and for fewer."""
     rng = np.random.default_rng(0)
     training, tests = rng.normal(size=(9, features)), rng.normal(size=(7, features))
     all_nine, few = Similarities.of(training, tests), Similarities.of(training[:4], tests)

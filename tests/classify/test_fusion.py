@@ -1,4 +1,4 @@
-"""Scores of several sensors as one: calibration, and what two sensors know together."""
+"""Scores of several sensors are calibrated, and fuse to the scores of the joint sensor."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ LABELS = np.repeat([0, 1, 2, 3], 5)  # four ships, five aspects
 
 
 def looks(rng, samples, *, sigma, templates=None):
-    """True templates, and exact log densities of noisy looks at them."""
+    """Return true template numbers, exact log densities of noisy looks, and the templates."""
     templates = rng.normal(size=(20, 6)) if templates is None else templates
     which = rng.integers(0, 20, samples)
     noisy = templates[which] + sigma * rng.normal(size=(samples, templates.shape[1]))
@@ -37,22 +37,22 @@ def test_exact_densities_are_found_to_be_exact(scale):
     which, logs, _ = looks(rng, 4000, sigma=1.5)
     factor, _ = fit_temperature_and_outliers(logs / scale, LABELS, LABELS[which])
     assert factor == pytest.approx(scale, rel=0.1)
-    # Nothing but the unit of the scores changes, so all are one number: to the search's tolerance.
+    # Only the unit of the scores changes, so results agree to the search's tolerance.
     unscaled, _ = fit_temperature_and_outliers(logs, LABELS, LABELS[which])
     assert factor == pytest.approx(scale * unscaled, rel=1e-4)
 
 
 def apart(rng, samples, distance):
-    """Exact log densities of looks at two templates so many standard deviations apart."""
+    """Return exact log densities of looks at two templates `distance` sigma apart, and truth."""
     truth = np.arange(samples) % 2
     noisy = truth * distance + rng.normal(size=samples)
     return -((noisy[:, None] - [0.0, distance]) ** 2) / 2, truth
 
 
 def test_a_sensor_that_is_always_right_does_not_drown_another():
-    """Looks that are all right tell that the next is by 125 to 1: so much does their score count.
+    """124 correct looks make the next correct by 125 to 1 at most, which limits its score.
 
-    It says label 1, the log densities of another sensor say label 0 by 2.5 log(126): they win.
+    That sensor favours label 1; another one favours label 0 by 2.5 log(126), and wins.
     """
     rng = np.random.default_rng(8)
     logs, truth = apart(rng, 124, 8.0)
@@ -64,9 +64,9 @@ def test_a_sensor_that_is_always_right_does_not_drown_another():
 
 
 def test_calibrated_probabilities_come_true():
-    """Scores in wrong units, calibrated on other looks: frequencies by tenths of probability.
+    """Scores in wrong units, calibrated on other looks, give true frequencies per tenth.
 
-    8,000 answers; chi-square over the tenths at a level of 1e-3, probabilities as they are.
+    Chi-square test of 8,000 answers over tenths of probability at a level of 1e-3.
     """
     rng = np.random.default_rng(3)
     which, logs, templates = looks(rng, 4000, sigma=1.5)
@@ -88,7 +88,7 @@ def test_calibrated_probabilities_come_true():
 
 
 def test_two_sensors_together_are_the_sensor_with_both_views():
-    """Independent halves of one look: the sum of their scores is its own score."""
+    """The scores of independent halves of a look add up to the score of the look."""
     rng = np.random.default_rng(4)
     templates = rng.normal(size=(20, 8))
     noisy = templates[rng.integers(0, 20, 50)] + rng.normal(size=(50, 8))
@@ -102,7 +102,7 @@ def test_two_sensors_together_are_the_sensor_with_both_views():
 
 
 def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
-    """More templates than a block has rows, whose scores are in single precision."""
+    """Test more templates than a block has rows, with scores in single precision."""
     phases, ships, aspects = 3, 4, 60
     rng = np.random.default_rng(3)
     labels, aspect = np.divmod(np.arange(ships * aspects), aspects)
@@ -117,7 +117,7 @@ def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
         truth = np.tile(labels, 2 * (phases - 1))
         weight = np.repeat([1 - NEW_ASPECT_RATIO, NEW_ASPECT_RATIO], len(truth) // 2)
         plain = fit_temperature_and_outliers(np.concatenate(rows), labels, truth, weight=weight)
-        # Where the search stops hangs on rounding, but not by more than its tolerance.
+        # Rounding changes where the search stops, but within its tolerance.
         np.testing.assert_allclose(constants, plain, rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""The multilayered network against finite differences, sums node by node, and what it claims."""
+"""The multilayered network agrees with finite differences and sums node by node."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_it_is_a_scikit_learn_classifier(estimator, check):
 
 
 def bumps(rng):
-    """Ten vectors of each of four kinds, each three bumps at places of its own."""
+    """Return ten vectors of each of four kinds; each kind has three bumps."""
     places = rng.uniform(0, 60, (4, 3))
     shapes = np.exp(-0.5 * ((np.arange(60) - places[..., None]) / 3.0) ** 2).sum(axis=1)
     y = np.repeat(np.arange(4), 10)
@@ -38,7 +38,7 @@ def fit(X, y, **parameters) -> GainAnnealedNetwork:
 
 
 def random_case(rng) -> tuple[Network, np.ndarray, np.ndarray]:
-    """A network of four hidden nodes, seven vectors and their targets of three classes."""
+    """Return a network of four hidden nodes, seven vectors and their targets of three classes."""
 
     def layer(nodes, inputs):
         return Layer(
@@ -82,7 +82,7 @@ def test_a_node_answers_as_the_article_prints_it_but_for_the_sign():
 @pytest.mark.parametrize("level", [0.1, 1.0, 3.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_gradient_is_that_of_the_loss(seed, level):
-    """Central differences of every weight, offset and gain.
+    """Compare with central differences in every weight, offset and gain.
 
     They err by h^2/6 |f'''| and eps |f| / h. At h = 1e-5 the third derivative, up to some
     hundreds at the largest level, leaves 1e-8 and the rounding 1e-10.
@@ -136,7 +136,7 @@ def test_a_step_follows_the_gradient_with_momentum():
 
 
 def level_after(epochs, **parameters):
-    """Gain level of the last of so many epochs, from nodes whose own gain does not move."""
+    """Return the gain level of the last of some epochs, from nodes of constant own gain."""
     X, y = bumps(np.random.default_rng(10))
     network = fit(X, y, epochs=epochs, learning_rate=1e-300, tolerance=1e-9, **parameters)
     assert len(np.unique(np.concatenate(network.gains_))) == 1

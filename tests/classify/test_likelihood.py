@@ -1,4 +1,4 @@
-"""The likelihood classifier against dense Gaussians and closed forms."""
+"""The likelihood classifier agrees with dense Gaussians and closed forms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LABELS = np.array(["horne", "duncan", "horne", "texas"])
 
 
 def templates(seed: int = 0, count: int = 4):
-    """Means (template, bin), floors (bin,) and banded covariances (template, lag, bin)."""
+    """Return means (template, bin), floors (bin,) and dense covariances (template, bin, bin)."""
     rng = np.random.default_rng(seed)
     floor = 5.0 + rng.random(BINS)
     means = floor + 3 * rng.random((count, BINS))
@@ -33,7 +33,7 @@ def templates(seed: int = 0, count: int = 4):
 @pytest.mark.parametrize("gain_sigma", [0.0, 3.0])
 @pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
 def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_sigma, floor_sigma):
-    """Equal priors: a sum of densities, not the best of them. Rounding of some hundred nats."""
+    """With equal priors densities are averaged; the tolerance is rounding of some hundred nats."""
     means, floor, dense = templates(count=4 * 3)
     by_place, band = means.reshape(4, 3, BINS), lower_band(dense[:4])
     settings = {"gain_sigma": gain_sigma, "floor_sigma": floor_sigma}
@@ -56,7 +56,7 @@ def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_s
 
 
 def test_places_that_are_one_change_nothing_with_a_template_error():
-    """Twice the same mean: the mean of two equal densities is that of one."""
+    """Two equal places have the mean of two equal densities, which is that density."""
     means, floor, dense = templates(count=6)
     labels, aspect = ["duncan"] * 3 + ["horne"] * 3, [0.0, 2.0, 4.0] * 2
     X = means[:3] + np.random.default_rng(2).standard_normal((3, BINS)) / 4
@@ -79,9 +79,9 @@ def test_places_that_are_one_change_nothing_with_a_template_error():
 def test_log_likelihood_is_that_of_a_dense_gaussian(
     gain_sigma, floor_sigma, diagonal_loading, frames
 ):
-    """Of an average with every unknown integrated out; posteriors are by Bayes's rule from it.
+    """Unknowns of an average are integrated out; posteriors follow by Bayes's rule.
 
-    Two triangular solves with condition numbers below 1e5: 1e-10 of some hundred nats.
+    Two triangular solves with condition numbers below 1e5 err by 1e-10 of some hundred nats.
     """
     means, floor, dense = templates()
     X = means.mean(axis=0) + np.random.default_rng(1).standard_normal((6, BINS))

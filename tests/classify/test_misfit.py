@@ -1,4 +1,4 @@
-"""Goodness of fit, against the chi-squared distribution and random samples of templates."""
+"""Goodness of fit agrees with the chi-squared distribution and with samples of templates."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_is_the_upper_tail_of_chi_squared(distance, bins):
 
 
 def test_falls_on_where_the_tail_is_smaller_than_any_number():
-    """The series begins within a part in a thousand, and falls for ever."""
+    """The series starts within a part in a thousand, and decreases without end."""
     distance = np.geomspace(1.0, 1e9, 20_000)
     fit = log_fit(-distance[:, None] / 2, [0.0], 250)[:, 0]
     assert np.isfinite(fit).all()
@@ -29,7 +29,7 @@ def test_falls_on_where_the_tail_is_smaller_than_any_number():
 
 @pytest.mark.parametrize(("gain", "floor"), [(0.0, 0.0), (0.3, 2.0)])
 def test_samples_of_a_template_are_uniform(gain, floor):
-    """2,000 averages drawn from the whole model: Kolmogorov and Smirnov at a level of 1e-4."""
+    """2,000 averages drawn from the full model pass a Kolmogorov-Smirnov test at level 1e-4."""
     rng = np.random.default_rng(8)
     bins, frames, count = 40, 4, 2000
     mean = 5 + np.abs(rng.normal(size=bins)).cumsum()

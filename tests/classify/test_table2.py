@@ -1,4 +1,4 @@
-"""The network on the article's task: 124 profiles without noise to learn, averages to name."""
+"""A network trained on 124 noiseless profiles reproduces the article's Table 2."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ TESTING = np.array([[0.83, 0.60, 0.39], [0.78, 0.40, 0.34], [0.63, 0.20, 0.25], 
 
 @pytest.fixture(scope="module")
 def vectors():
-    """Profile vectors, (view, bin) without noise and (frame_count, view, bin) averaged."""
+    """Return profile vectors, (view, bin) without noise and (frame_count, view, bin) averaged."""
     expected, averaged = [], []
     signal = {"pulse_width": 30e-9, "cnr": 10**3.2, "target_free_ifovs": 4000}
     for i, ship in enumerate(SHIPS):
@@ -40,7 +40,7 @@ def vectors():
 
 
 def right(network, vectors):
-    """(..., group): share of the views whose ship and aspect group are both right."""
+    """Return the share of views whose ship and aspect group are both right, (..., group)."""
     answers = network.predict(vectors.reshape(-1, vectors.shape[-1]))
     hits = answers.reshape(vectors.shape[:-1]) == class_of_view
     groups = [hits[..., group_of_view == group] for group in range(3)]
@@ -48,7 +48,7 @@ def right(network, vectors):
 
 
 def distance(ours, theirs):
-    """Squared differences over the sampling variance of two independent samples, summed."""
+    """Return the sum of squared differences over the sampling variance of two samples."""
     share = np.clip((ours + theirs) / 2, 0.5 / VIEWS, 1 - 0.5 / VIEWS)
     return np.sum((ours - theirs) ** 2 / (2 * share * (1 - share) / VIEWS))
 

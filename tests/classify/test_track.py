@@ -1,4 +1,4 @@
-"""Prior of the aspect from a track, against integrals of the normal density by hand."""
+"""The aspect prior from a track equals integrals of the normal density."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_is_the_mass_of_a_cell(tracked, sigma):
 
 @given(tracked=st.floats(-360, 720))
 def test_without_error_it_is_the_nearest_template(tracked):
-    """Of a full circle, whichever way the aspect is counted."""
+    """This holds on a full circle, for aspects counted in either direction."""
     aspects = np.arange(0.0, 360.0, 3.0)
     prior = aspect_prior(aspects, np.full(aspects.size, "texas"), [tracked], sigma=0.0)[0]
     distance = np.abs((aspects - tracked + 180) % 360 - 180)
@@ -45,7 +45,7 @@ def test_turning_everything_changes_nothing(shift, sigma):
 
 
 def test_posterior_by_hand_with_priors_and_templates_left_out():
-    """By one rule for each sample; those left out are best, beyond what an exponential holds."""
+    """Each sample has its own exclusions; excluded scores are best and would overflow exp."""
     rng = np.random.default_rng(3)
     scores, prior = rng.normal(0, 3, (2, 6, 9))
     labels = np.array([0, 0, 0, 1, 1, 1, 1, 2, 2])
@@ -83,7 +83,7 @@ def test_constants_of_a_label_change_nothing():
 
 
 def test_a_track_tells_ships_apart_that_look_alike_at_other_aspects():
-    """Two ships whose profiles are exchanged between two aspects: a coin, but for the track."""
+    """Two ships with profiles exchanged between two aspects are separable only by the track."""
     means = np.array(
         [[0.0, 1, 0, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 1, 0, 0], [0, 1, 0, 0, 0, 0]]
     )

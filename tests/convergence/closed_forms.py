@@ -1,4 +1,4 @@
-"""Range extents that can be written down: what box and sphere show of themselves, bin by bin."""
+"""Closed forms of the range extents of a box and a sphere, bin by bin."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def axes_of(aspect: float, depression: float) -> Floats:
-    """(3, 3) ndarray: the directions right, up and away from the sensor, in the ship frame."""
+    """Return (3, 3) directions right, up and away from the sensor in the ship frame."""
     a, d = math.radians(aspect), math.radians(depression)
     return np.array(
         [
@@ -23,11 +23,11 @@ def axes_of(aspect: float, depression: float) -> Floats:
 
 
 def parallelogram(near: float, first: float, second: float, area: float, edges: Floats) -> Floats:
-    """Area in each bin of a parallelogram whose nearest corner is at `near`.
+    """Return the area in each bin of a parallelogram whose nearest corner is at `near`.
 
-    Its sides span `first` and `second` in range, so a point picked evenly lies at
-    near + first s + second t with s and t even in [0, 1]: its distribution is the second
-    difference of a square, or that of a ramp where a side spans nothing.
+    Its sides span `first` and `second` in range, so a uniform point lies at near + first s +
+    second t with s and t uniform in [0, 1]: its distribution is the second difference of a square,
+    or the first difference of a ramp if a side spans no range.
     """
 
     def ramp(x: Floats) -> Floats:
@@ -51,10 +51,10 @@ def box(
     depression: float,
     edges: Floats,
 ) -> Floats:
-    """Visible area in each bin of a box along the ship's axes: three faces at most."""
+    """Return the visible area in each bin of a box along the ship's axes: three faces at most."""
     away = axes_of(aspect, depression)[2]
     size, middle = np.asarray(extents), float(away @ np.asarray(centre))
-    span = np.abs(away) * size  # what each edge of the box spans in range
+    span = np.abs(away) * size  # extent in range of each edge of the box
     area = np.zeros(len(edges) - 1)
     for normal in range(3):
         first, second = (normal + 1) % 3, (normal + 2) % 3
@@ -66,10 +66,10 @@ def box(
 
 
 def sphere(radius: float, edges: Floats, slant_range: float = math.inf) -> Floats:
-    """Visible area in each bin of a sphere about the ship origin: discs that grow to its own.
+    """Return the visible area in each bin of a sphere about the ship origin, by growing discs.
 
-    What lies at the angle t from the line of sight is seen at radius sin t, over 1 - radius cos t
-    / R at a finite range R, and at the distance sqrt(R^2 + radius^2 - 2 R radius cos t).
+    A point at angle t from the line of sight appears at radius sin t, over 1 - radius cos t / R at
+    a finite range R, and has the distance sqrt(R^2 + radius^2 - 2 R radius cos t).
     """
     curvature = 1.0 / slant_range
     cosine = (radius**2 * curvature - 2.0 * edges - edges**2 * curvature) / (2.0 * radius)

@@ -1,4 +1,4 @@
-"""How far a sampled range extent is from the truth, and how fast it gets there."""
+"""Error of a sampled range extent, and its order of convergence."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ SIDE = 15.0  # an IFOV of 150 microradians at 100 km [m]
 DEPRESSION = 3.84  # from 22,000 ft, 100 km away [deg]
 PULSE = 30e-9  # [s]
 
-MEDIAN, WORST = 0.003, 0.015  # accuracy asked of 0.25 m pixels after the 30 ns pulse
+MEDIAN, WORST = 0.003, 0.015  # required accuracy of 0.25 m pixels after the 30 ns pulse
 
-# An outline meets the rows of a lattice at ever different phases, so each row's end is wrong by
-# an independent part of a pixel: L/p ends over an outline L add up to p^2 sqrt(L/p), p^(3/2).
-# An even lattice may do better, up to p^2; parts still thinner than a pixel do worse.
+# An outline meets the rows of a lattice at varying phases, so each row's end errs by an independent
+# part of a pixel: the L/p ends of an outline of length L add up to p^2 sqrt(L/p), or p^(3/2).
+# A regular lattice may converge faster, up to p^2; parts thinner than a pixel converge slower.
 SLOPE = 1.25
 
 FAR = 1e12  # [m]: wavefronts are flat to 1e-8 m
 
 
 def areas(extent: RangeExtent) -> Floats:
-    """(ifov, bin) ndarray: visible projected area [m^2]."""
+    """Return the visible projected area [m^2], (ifov, bin) ndarray."""
     return extent.fraction * (extent.ifov * extent.slant_range) ** 2
 
 
 def after_pulse(area: Floats, pulse_width: float) -> Floats:
-    """Extents in bins of 1 m as a pulse of `pulse_width` [s] blurs them; 0 is no pulse."""
+    """Return extents in bins of 1 m blurred by a pulse of `pulse_width` [s]; 0 is no pulse."""
     if pulse_width == 0.0:
         return area
     bins = area.shape[-1]
@@ -42,11 +42,11 @@ def after_pulse(area: Floats, pulse_width: float) -> Floats:
 
 
 def error(area: Floats, truth: Floats, pulse_width: float) -> float:
-    """Sum of absolute differences over the sum of the truth."""
+    """Return the sum of absolute differences over the sum of the truth."""
     blurred = after_pulse(truth, pulse_width)
     return float(np.abs(after_pulse(area, pulse_width) - blurred).sum() / blurred.sum())
 
 
 def slope(pixels: ArrayLike, errors: ArrayLike) -> float:
-    """Exponent of the power law through the errors."""
+    """Return the exponent of the power law through the errors."""
     return float(np.polyfit(np.log(pixels), np.log(errors), 1)[0])

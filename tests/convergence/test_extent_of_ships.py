@@ -1,4 +1,4 @@
-"""Rendered range extents of the six ships against the sampling-free reference."""
+"""Range extents of the six ships converge to the sampling-free reference as stated."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def ship(name):
 
 @cache
 def truth(name, aspect, depression):
-    """The reference extent: a quarter of a second."""
+    """Return the reference extent, which takes a quarter of a second."""
     return reference_range_extent(
         ship(name), aspect=aspect, depression=depression, bin_edges=metric.EDGES, side=metric.SIDE
     )
@@ -64,12 +64,12 @@ def lined(name, aspect, depression, spacing=0.25):
 
 
 def far_extent(image, **options):
-    """Range extent from so far away that the view is orthographic."""
+    """Return the range extent from so far away that the view is orthographic."""
     return range_extent(image, slant_range=metric.FAR, ifov=metric.SIDE / metric.FAR, **options)
 
 
 def ship_errors(views, pulse_width, *, extent=rendered, **rendering):
-    """Error of the ship's whole extent, all IFOVs together, in every view."""
+    """Return the error of the ship's extent, summed over IFOVs, in every view."""
     return np.array(
         [
             metric.error(
@@ -83,7 +83,7 @@ def ship_errors(views, pulse_width, *, extent=rendered, **rendering):
 
 
 def ifov_errors(views, pulse_width, *, extent=rendered):
-    """Error of the extents of the single IFOVs, in every view."""
+    """Return the error of the extents of the single IFOVs, in every view."""
     errors = []
     for view in views:
         computed, exact = extent(*view), truth(*view)
@@ -99,7 +99,7 @@ def ifov_errors(views, pulse_width, *, extent=rendered):
 
 
 def on_cells(cell, area, cells):
-    """Areas laid out over a given list of cells."""
+    """Return areas arranged by a given list of cells."""
     rows = {tuple(key): row for key, row in zip(cell, area, strict=True)}
     return np.array([rows.get(key, np.zeros(area.shape[1])) for key in cells])
 
@@ -112,8 +112,10 @@ def test_accuracy_after_the_pulse():
 
 
 def test_accuracy_of_single_ifovs():
-    """IFOVs cut the ship into some four pieces a bin, whose errors are independent: twice the
-    error of the whole."""
+    """The error of single IFOVs is at most twice the bounds for the whole ship.
+
+    IFOVs cut the ship into some four pieces a bin, whose errors are independent.
+    """
     errors = ifov_errors(GRID, metric.PULSE)
     assert np.median(errors) < 2.0 * metric.MEDIAN
     assert errors.max() < 2.0 * metric.WORST
@@ -127,7 +129,7 @@ def test_error_falls_with_the_pixel(pulse_width):
 
 
 def test_lines_err_by_less_than_a_thousandth():
-    """After the pulse, at a quarter of a metre; and single IFOVs."""
+    """With pulse and 0.25 m spacing the ship's median error is below 0.001, of IFOVs 0.0017."""
     views = GRID + ANY
     summed = ship_errors(views, metric.PULSE, extent=lined)
     assert np.median(summed) < 0.001
@@ -139,7 +141,7 @@ def test_lines_err_by_less_than_a_thousandth():
 
 @pytest.mark.parametrize("pulse_width", [0.0, metric.PULSE])
 def test_error_falls_with_the_spacing_of_lines(pulse_width):
-    """An outline of length L meets L/d lines, each at a phase of its own: d^2 sqrt(L/d)."""
+    """An outline of length L meets L/d lines at independent phases, so d^2 sqrt(L/d)."""
     spacings = [1.0, 0.5, 0.25]
     errors = [
         ship_errors(GRID + ANY, pulse_width, extent=lined, spacing=d).mean() for d in spacings
@@ -152,8 +154,8 @@ def test_error_falls_with_the_spacing_of_lines(pulse_width):
 def test_lines_know_their_error(spacing, pulse_width):
     """The estimate bounds at least 95 % of errors, and is within three times them in the median.
 
-    Judged by three ships at the article's depression, which is rare among the views that its
-    constants were fitted to.
+    Three ships at the article's depression are tested, which is rare among the views that the
+    estimate's constants were fitted to.
     """
     views = [view for view in GRID + ANY if view[0] in ("duncan", "roberts", "texas")]
     errors = ship_errors(views, pulse_width, extent=lined, spacing=spacing)
@@ -169,13 +171,13 @@ COVERED = 0.97
 
 
 def most_misses(count, level=1e-3):
-    """Most failures of a statement that are to be expected of so many views, at a level."""
+    """Return the largest number of failures expected in so many views, at a level."""
     return int(binom.isf(level, count, 1 - COVERED))
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(tolerance):
-    """Stopping where the bound is small enough does not make it a worse bound."""
+    """Stopping once the bound is small enough does not make the bound less reliable."""
     rng = np.random.default_rng(round(1e5 * tolerance))
     results = []
     for name, aspect, depression in ANY:
@@ -200,7 +202,7 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
 
 @pytest.mark.parametrize("tolerance", [2e-3, 2e-4])
 def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
-    """By the reference at a finite range, every ship once."""
+    """Compare each ship once with the reference at a finite range."""
     rng = np.random.default_rng(round(1e5 * tolerance))
     misses = 0
     for name in ncti.ships.names():
@@ -220,7 +222,7 @@ def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
     st.tuples(*[st.floats(1, 20)] * 3), st.floats(0, 180), st.floats(0, 12.7), st.floats(2e-3, 2e-2)
 )
 def test_small_bodies_are_within_the_tolerance(size, aspect, depression, tolerance):
-    """A box's area in closed form: lines may agree by chance if they are few."""
+    """Compare with a box's area in closed form, as few lines may agree by chance."""
     body = trimesh.creation.box(size)
     view = View(aspect, depression)
     lines = lines_within(body, view, tolerance=tolerance, pulse_width=metric.PULSE)
@@ -232,9 +234,9 @@ def test_small_bodies_are_within_the_tolerance(size, aspect, depression, toleran
 
 @pytest.mark.parametrize(("aspect", "tolerance"), [(181.07, 1e-4), (90.3, 2e-4)])
 def test_faces_across_the_sight_keep_a_tolerance_that_their_wavefront_bends(aspect, tolerance):
-    """A wavefront bends by less than a thousandth of a bin over a transom, but all of it is there.
+    """A wavefront bends by less than 1/1000 bin over a transom, but this affects all its area.
 
-    Without a pulse, which would level out what is in the wrong one of two bins.
+    There is no pulse, because it would blur out area in the wrong one of two bins.
     """
     view = {"aspect": aspect, "depression": 0.0, "slant_range": 31e3}
     mesh = ship("duncan")

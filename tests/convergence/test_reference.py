@@ -1,4 +1,4 @@
-"""The sampling-free reference against closed forms, booleans of solids, and random rays."""
+"""The sampling-free reference agrees with closed forms, boolean unions and random rays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ GRID_AREA = 1e-8 * 100.0 * 2.0
 
 
 def rectangle(left, right, bottom, top, away, slope=(0.0, 0.0), **view) -> trimesh.Trimesh:
-    """A plate by its coordinates to the right and up, seen counter-clockwise."""
+    """Return a plate by its coordinates to the right and up, seen counter-clockwise."""
     corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
     places = np.array([(h, v, away + slope[0] * h + slope[1] * v) for h, v in corners])
     axes = closed_forms.axes_of(**view)
@@ -63,7 +63,7 @@ def test_tilted_plate_in_every_cell(slope):
 
 @pytest.mark.parametrize("slant_range", [None, 1e3, 100.0])
 def test_sphere_is_approached_as_its_facets_shrink(slant_range):
-    """Facets of side h lie h^2 below a sphere: halving them leaves a quarter of the error."""
+    """Facets of side h lie h^2 below a sphere, so halving h quarters the error."""
     edges = np.arange(-11.0, 2.0)
     expected = closed_forms.sphere(10.0, edges, slant_range or np.inf)
     errors = []
@@ -78,7 +78,7 @@ def test_sphere_is_approached_as_its_facets_shrink(slant_range):
 @pytest.mark.parametrize(("aspect", "depression"), [(20.0, 5.0), (90.0, 90.0), (140.0, 40.0)])
 @pytest.mark.parametrize("slant_range", [300.0, 3e3])
 def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
-    """A convex solid shows the hull of its corners, each seen through the sensor's pinhole."""
+    """A convex solid's outline is the hull of its corners projected through the pinhole."""
     mesh = trimesh.creation.box((60.0, 14.0, 9.0))
     h, v, r = closed_forms.axes_of(aspect, depression) @ mesh.vertices.T
     corners = np.stack([h, v], axis=1) / (1.0 + r[:, None] / slant_range)
@@ -90,7 +90,7 @@ def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
 
 @pytest.mark.parametrize(("slant_range", "width"), [(31e3, 0.003), (1e3, 0.05)])
 def test_plate_across_the_line_of_sight_is_cut_along_circles(slant_range, width):
-    """The range of a corner at s is that of the middle and s^2 / 2R: bins are rings."""
+    """Range grows by s^2 / 2R with the distance s from the middle, so bins are rings."""
     plate = rectangle(-30.0, 30.0, -30.0, 30.0, 0.0, **VIEW)
     edges = width * (np.arange(30) - 0.37)
     radius = np.sqrt(np.maximum((slant_range + edges) ** 2 - slant_range**2, 0.0))
@@ -114,7 +114,7 @@ def boxes_at_odds() -> list[trimesh.Trimesh]:
 
 @pytest.mark.parametrize("aspect", [10.0, 123.0])
 def test_solids_that_intersect_look_like_their_union(aspect):
-    """A pile of boxes and its boolean union share no facet, but show the same."""
+    """A pile of boxes and its boolean union share no facet, but have equal extents."""
     solids = boxes_at_odds()
     view = {"aspect": aspect, "depression": 20.0, "bin_edges": EDGES, "side": 5.0}
     pile = reference_range_extent(trimesh.util.concatenate(solids), **view)
@@ -129,10 +129,10 @@ def test_solids_that_intersect_look_like_their_union(aspect):
 
 @pytest.mark.parametrize("slant_range", [1e9, 5e3])
 def test_ship_under_random_rays(slant_range):
-    """Rays that fall at random hit each bin with the probability of its visible area.
+    """Random rays hit each bin with a probability proportional to its visible area.
 
-    150,000 rays; bins that expect fewer than 25 are pooled. The chi-square of the counts is
-    refused at a level of 1e-4.
+    There are 150,000 rays; bins that expect fewer than 25 are pooled. The chi-square test of the
+    counts has a level of 1e-4.
     """
     mesh, view = ncti.ships.load("roberts"), {"aspect": 33.0, "depression": 6.7}
     right, up, away = closed_forms.axes_of(**view)
@@ -157,7 +157,7 @@ def test_ship_under_random_rays(slant_range):
 
 
 def chi_square_tail(counts: NDArray, expected: NDArray, total: int) -> float:
-    """Probability of counts further from expectation than these; the misses are a class too."""
+    """Return the chi-square tail probability of the counts, with misses as a class."""
     few = expected < 25.0
     observed = np.append(counts[~few], [counts[few].sum(), total - counts.sum()])
     expected = np.append(expected[~few], [expected[few].sum(), total - expected.sum()])

@@ -1,4 +1,4 @@
-"""Stores of pieces of rows: the rows of `ncti.dataset`, and more of them at the cost of those."""
+"""Stores in pieces hold the rows of `ncti.dataset`; adding pieces computes only the new ones."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,13 @@ GIVEN = (
     *("sensor=dataset", f"grid.ship={SHIPS}", "grid.range=[50,100]", "grid.pulse_width=[30,50]"),
     *("grid.frame_count=[1,4]", "dataset.sensor=both", "dataset.gain=[0.8,1.2]"),
     *("dataset.floor=[-1,1]", "dataset.cnr=[26,32]", "dataset.aspect=[0,90]", "seed=3"),
-    *(f"dataset.rows={ROWS_OF_A_PIECE}", "dataset.rows_per_view=7"),  # views go over pieces
+    *(f"dataset.rows={ROWS_OF_A_PIECE}", "dataset.rows_per_view=7"),  # views extend over pieces
 )
 
 
 def same(count):
-    """The rows of a store of `GIVEN`."""
-    nanoseconds = 1e-9  # in which sweeps multiply
+    """Return the rows that a store of `GIVEN` must have."""
+    nanoseconds = 1e-9  # multiplied as in sweeps, for equal rounding
     return ncti.dataset(
         SHIPS,
         count,
@@ -40,7 +40,7 @@ def same(count):
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory, cache):
-    """A store of three pieces, one of which was there before."""
+    """Return a store extended from one piece to three, and the finished sweep."""
     path = tmp_path_factory.mktemp("pieces") / "rows.zarr"
     for pieces in (1, 3):
         finished = swept(path, cache, *GIVEN, f"dataset.pieces={pieces}")

@@ -1,4 +1,4 @@
-"""Rows of data sets: what they depend on, their mean and covariance, and the draws."""
+"""Rows of data sets are reproducible, and have the stated mean, covariance and parameters."""
 
 from dataclasses import replace
 from functools import partial
@@ -49,7 +49,7 @@ def whole():
 @settings(max_examples=25, deadline=None)
 @given(first=st.integers(0, 39), count=st.integers(1, 40))
 def test_rows_depend_on_their_numbers_alone(whole, first, count):
-    """Also where other rows share a view, or an image at other ranges, and where none does."""
+    """This holds for rows that share a view or an image at other ranges, and for others."""
     count = min(count, 40 - first)
     assert rows_of(count, first=first).identical(whole[{"row": slice(first, first + count)}])
 
@@ -69,7 +69,7 @@ def test_what_is_drawn_does_not_depend_on_other_parameters(whole):
 
 
 def test_ships_have_equal_numbers_of_views():
-    """In every block of views, whichever rows are asked for, in orders that differ."""
+    """Each block of views has every ship once, in varying order, for any range of rows."""
     ships = ["duncan", "texas", "horne"]
     options = {"slant_range": 100e3, "frames": 1, "target_free_ifovs": 0, "rows_per_view": 2}
     names = ncti.dataset(ships, 120, seed=3, **options).ship.values[::2].reshape(20, 3)
@@ -80,10 +80,10 @@ def test_ships_have_equal_numbers_of_views():
 
 
 def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
-    """At the same lines, the same place, and the far field where both allow it."""
+    """Both use the same lines and place on the IFOVs, and the far field if allowed."""
     corner = partial(range_extent, shift=(0.0, 0.0))
     monkeypatch.setattr(ncti.data.views, "range_extent", lambda *a, shift, **k: corner(*a, **k))
-    accuracy = 0.01  # which lines 0.25 m apart keep
+    accuracy = 0.01  # an accuracy that lines 0.25 m apart meet
     rows = rows_of(12, gain=1.0, floor=0.0, rows_per_view=1, far_field_error=SHARE * accuracy)
     for row in range(12):
         ours = rows.isel(row=row)
@@ -102,11 +102,11 @@ def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
 
 
 def test_rows_have_the_mean_and_covariance_of_their_frames():
-    """Their deviations from what is expected, whitened: chi-square tests of mean and covariance.
+    """Whitened deviations from expected profiles pass chi-square tests of mean and covariance.
 
-    Of the twenty directions of most variance; averages of at least 8 frames of a hundred IFOVs and
-    more are Gaussian to within 2 % of their kurtosis. Each row has the mean of its own place on the
-    IFOVs, of which the covariance hardly depends.
+    The twenty directions of most variance are tested. Averages of at least 8 frames of a hundred
+    IFOVs and more are Gaussian to within 2 % of their kurtosis. Each row has the mean of its own
+    place on the IFOVs; the covariance hardly depends on the place.
     """
     count, directions = 3000, 20
     options = {"aspect": 40.0, "slant_range": 100e3, "pulse_width": 30e-9, "cnr": 32.0}
@@ -149,7 +149,7 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
 
 
 def test_silhouettes_without_noise_are_those_of_a_simulation():
-    """Each at its own place on the pixels, the first of its stream; whole pixels do not matter."""
+    """Each has its own place on the pixels, drawn first in its stream, modulo whole pixels."""
     nothing = {"nedt": 1e-3, "target_spread": 0.0, "sea_spread": 0.0}
     imager = replace(IMAGER, **nothing)
     options = {"sensor": "infrared", "slant_range": [50e3, 100e3], "super_resolution": "perfect"}

@@ -1,4 +1,4 @@
-"""Splits: no view, draw or variant of a test is in training, by the parameters of all of them."""
+"""No split has a view, draw or variant of its test in training, by the drawn parameters."""
 
 import json
 from pathlib import Path
@@ -30,7 +30,7 @@ COUNTS = {"train": 400, "test": 100, "unknown": 50}
 
 
 class Drawn(dict):
-    """What is drawn for the rows of a part, without building a ship."""
+    """Parameters drawn for the rows of a part, without building a ship."""
 
     def __init__(self, name, part, seed):
         ships, options = recipe(name, part, seed=seed, ships=SHIPS)
@@ -41,19 +41,19 @@ class Drawn(dict):
 
     @property
     def views(self):
-        """Views as images show them: the other side of a ship is its mirror image."""
+        """Return the views, counting the other side of a ship as its mirror image."""
         aspect = np.minimum(self["aspect"] % 360, -self["aspect"] % 360)
         return {*zip(self["ship"].tolist(), aspect.tolist(), self["depression"], strict=True)}
 
     @property
     def draws(self):
-        """Streams of noise, which the seed of the data set and the number of a row key."""
+        """Return the keys of the noise streams: seed of the data set and number of the row."""
         return {(self.seed, row) for row in self["row"].tolist()}
 
 
 @pytest.fixture(scope="module", params=SEEDS)
 def splits(request):
-    """Parts of all splits of a seed."""
+    """Return the parts of all splits of a seed."""
     return {
         name: {
             part: Drawn(name, part, request.param)
@@ -140,7 +140,7 @@ def test_the_rows_are_those_drawn(small):
 
 
 def test_a_variant_is_named_as_its_ship(monkeypatch):
-    """Of one variant of each ship, since each is built."""
+    """Use one variant of each ship, because each must be built."""
     monkeypatch.setattr("ncti.data.splits.VARIANTS", 2)
     rows = ncti.data.splits.rows_of("variant", "test", seed=0, ships=SHIPS, count=8)
     assert {*rows.ship.values} <= {*SHIPS}
@@ -149,7 +149,7 @@ def test_a_variant_is_named_as_its_ship(monkeypatch):
 
 @pytest.mark.parametrize("number", [0, 3])
 def test_the_moments_of_views_are_those_of_rows_at_the_same_place(number, monkeypatch):
-    """Their mean to the rounding of float32."""
+    """Means agree within the rounding of float32."""
     place = spread_place(number)
     monkeypatch.setattr(
         ncti.data.views, "range_extent", lambda *a, shift, **k: range_extent(*a, shift=place, **k)

@@ -1,4 +1,4 @@
-"""Vectors of a sweep's store are those of its own classifiers, whose answers they repeat."""
+"""Classifiers trained on a store's vectors repeat the answers that the sweep stored."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def store(tmp_path_factory, cache):
 
 
 def answers(store, classifier, split, **where):
-    """Names that a sweep gave to the views of a split, one ship after the other."""
+    """Return the names that a sweep gave to the views of a split, ship by ship."""
     stored = opened(store, f"classification/{classifier}").sel(where)
     known = np.array([ship != UNKNOWN for ship in SHIPS])
     learned = np.isin(ASPECTS, LEARNED)
@@ -52,7 +52,7 @@ def test_a_nearest_neighbour_answers_as_the_store_has_it(store, split, pulse_wid
 
 @pytest.mark.parametrize("split", SPLITS)
 def test_a_clustering_network_answers_as_the_store_has_it(store, split):
-    """Of profiles, and of silhouettes at a place on the pixels."""
+    """Test profiles, and silhouettes at one place on the pixels."""
     for classifier, where in (
         ("acn", {"pulse_width": 30.0, "frame_count": 2, "replicate": 0}),
         ("acn_infrared", {"super_resolution": "perfect", "frame_count": 8, "phase": 1}),
@@ -65,7 +65,7 @@ def test_a_clustering_network_answers_as_the_store_has_it(store, split):
 
 
 def test_splits_share_no_view_and_hold_all(store):
-    """Learned views are those of training, once for each draw, pulse width and number of frames."""
+    """Learned views equal those of training, once per draw, pulse width and number of frames."""
     draws = 2 * len(PULSES) * len(FRAMES)
     every = {"pulse_width": PULSES, "frame_count": FRAMES}
     views = {split: ncti.load_xy(store, split=split, **every)[1:] for split in ("train", *SPLITS)}
@@ -107,7 +107,7 @@ def test_wrong_words_are_refused_by_name(store, named, arguments):
 
 
 def test_a_split_without_views_is_refused(tmp_path, cache):
-    """A sweep that learns every aspect of every ship has nothing else to test."""
+    """A sweep that learns every aspect of every ship has no other view to test."""
     swept(
         tmp_path / "all.zarr",
         cache,

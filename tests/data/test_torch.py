@@ -1,4 +1,4 @@
-"""Data sets for PyTorch: the rows of `load_xy`, each of them once an epoch, for any loader."""
+"""PyTorch data sets give each row of `load_xy` once per epoch, for any number of workers."""
 
 import pickle
 from itertools import pairwise
@@ -32,14 +32,14 @@ def rows(store):
 
 
 class Worker:
-    """What `torch.utils.data.get_worker_info` returns."""
+    """Stand-in for the result of `torch.utils.data.get_worker_info`."""
 
     def __init__(self, number, workers):
         self.id, self.num_workers = number, workers
 
 
 def loaded(stream, workers, monkeypatch):
-    """Batches as a loader takes them from its workers: in turn, until each has no more."""
+    """Return batches as a loader takes them from its workers in turn, until all are exhausted."""
     by_worker = []
     for number in range(workers):
         worker = Worker(number, workers)
@@ -72,7 +72,7 @@ def test_rows_by_number_are_those_of_load_xy(store, rows):
 
 @pytest.mark.parametrize("workers", [1, 2, 3, 8])
 def test_batches_have_each_row_once_in_an_order_of_the_seed(rows, workers, monkeypatch):
-    """Whatever the number of workers, and another order for another seed or epoch."""
+    """The order is the same for any number of workers, and differs by seed and epoch."""
 
     def batches(seed, epoch, workers):
         stream = RowStream(rows, batch_size=BATCH, seed=seed)
@@ -95,7 +95,7 @@ def test_batches_have_each_row_once_in_an_order_of_the_seed(rows, workers, monke
 
 
 class Pieces:
-    """Rows of sixteen pieces that say which of them were read."""
+    """Rows of sixteen pieces that record the pieces read."""
 
     sizes = dict.fromkeys(range(16), 20)
 

@@ -1,4 +1,4 @@
-"""Category formation on hand-made examples."""
+"""Category formation counts confusions correctly in small examples."""
 
 from __future__ import annotations
 

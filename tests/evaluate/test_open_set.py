@@ -1,4 +1,4 @@
-"""AUROC and OSCR: chance, and scikit-learn's area on the same answers."""
+"""AUROC and OSCR agree with chance, scikit-learn, and the area under an explicit curve."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def test_equal_similarities_are_chance():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_auroc_is_that_of_scikit_learn_and_oscr_the_area_under_a_curve(seed):
-    """Ties among answers included; the curve is walked threshold by threshold."""
+    """Answers include ties; the expected curve has a point for each threshold."""
     rng = np.random.default_rng(seed)
     similarity = rng.integers(0, 30, (5, 40)) / 30
     known, right = (rng.random(similarity.shape) < share for share in (0.7, 0.6))

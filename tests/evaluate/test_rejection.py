@@ -1,4 +1,4 @@
-"""Ships absent from training: what a test vigilance rejects, counted by hand."""
+"""The table of rejections of ships absent from training agrees with counts by hand."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from ncti.evaluate import rejection, replicated_accuracy, tabulate_rejection, wi
 
 
 def tabulate(classified, learned, vigilances):
-    """The table of (ship, aspect) views that are learned, and those between."""
+    """Return the rejection table of learned (ship, aspect) views, and of those between."""
     aspects = xr.DataArray(learned.any(axis=0), dims="aspect")
     known = xr.DataArray(learned.any(axis=1), dims="ship")
     kinds = {"learned": aspects, "between": ~aspects}
@@ -18,7 +18,7 @@ def tabulate(classified, learned, vigilances):
 
 
 def test_fractions_are_counted_by_hand():
-    """Two known ships at two learned aspects and one between, one unknown ship, two draws."""
+    """Test two known ships at two learned aspects and one between, an unknown one, two draws."""
     learned = np.array([[1, 0, 1], [1, 0, 1], [0, 0, 0]], bool)
     similarity = np.array(
         [
@@ -51,7 +51,7 @@ def test_fractions_are_counted_by_hand():
 
 
 def test_the_characteristic_is_counted_by_hand():
-    """Eight answers to known ships, eight to unknown ones, ties between and among them."""
+    """Test eight answers each to known and unknown ships, with ties between and among them."""
     learned = np.array([[True] * 4] * 2 + [[False] * 4] * 2)
     similarity = np.array(
         [
@@ -66,7 +66,7 @@ def test_the_characteristic_is_counted_by_hand():
     # Sorted unknown: .1 .3 .5 .6 .6 .7 .8 .85; of eight 0, 4, 7 (of 6.4), 8 (of 7.2 and 7.6).
     np.testing.assert_array_equal(table.min_rejected, [0, 0.5, 0.8, 0.9, 0.95])
     np.testing.assert_allclose(table.rejected_up_to, [np.nan, 0.6, 0.8, 0.85, 0.85])
-    # Right ones above: all 7; .9 .8 .95; .9 .95; as many.
+    # Right answers above: all 7; .9 .8 .95; .9 .95; the same two.
     np.testing.assert_allclose(table.correct_where_rejected, np.array([7, 3, 2, 2, 2]) / 8)
     low, high = wilson_interval([7, 3, 2, 2, 2], 8)
     np.testing.assert_allclose(table.correct_where_rejected_ci_low, low)
@@ -89,7 +89,7 @@ LEARNED = np.array([[True] * 20] * 3 + [[False] * 20] * 2)
 
 
 def answers_of(*draws, seed=0):
-    """Answers by chance to five ships at 20 aspects, the last two ships unknown."""
+    """Return random answers to five ships at 20 aspects, the last two ships unknown."""
     rng = np.random.default_rng(seed)
     dims = (*draws, "ship", "aspect")
     shape = (*(3 for _ in draws), 5, 20)
@@ -99,7 +99,7 @@ def answers_of(*draws, seed=0):
 
 @pytest.mark.parametrize("draws", [("replicate",), ("phase", "order"), ("replicate", "order")])
 def test_draws_count_as_they_differ(draws):
-    """Where all are accepted, as in the accuracy of the same answers; a draw may have failed."""
+    """If all answers are accepted, fractions equal `replicated_accuracy`, with a failed draw."""
     answers = answers_of(*draws)
     failed = (0,) * len(draws)
     answers.correct[failed] = -1
@@ -118,7 +118,7 @@ def test_draws_count_as_they_differ(draws):
 
 
 def many(aspects, draws=()):
-    """Answers about five known ships and one unknown one, at half of the aspects learned."""
+    """Return answers about five known ships and an unknown one, with half the aspects learned."""
     rng = np.random.default_rng(aspects)
     dims = (*("replicate" for _ in draws), "ship", "aspect")
     shape = (*draws, 6, aspects)
@@ -140,7 +140,7 @@ def test_levels_some_at_a_time_are_as_all_together(draws, monkeypatch):
         parts = tabulate(*many(20, draws), np.linspace(0, 1, 11))
         if not draws:  # all sums are of whole numbers
             xr.testing.assert_identical(parts, together)
-        # Else those of 120 views are of quotients, which are added in the order of their memory.
+        # With draws the sums of 120 views add quotients, in the order of their memory.
         xr.testing.assert_allclose(parts, together, rtol=120 * np.finfo(float).eps, atol=1e-15)
 
 

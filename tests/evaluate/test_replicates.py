@@ -1,4 +1,4 @@
-"""Intervals of answers that were given several times to the same views."""
+"""Intervals of replicated answers follow an analysis of variance, and cover the truth."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_one_replicate_is_no_replicate(correct, answered):
 
 @given(arrays(bool, (4, 31)), st.integers(2, 6))
 def test_equal_answers_are_worth_one(correct, replicates):
-    """A classifier that no noise moves: as many answers as views."""
+    """Identical replicates count as one answer per view."""
     repeated = evaluate.replicated_accuracy(np.repeat(correct[None], replicates, axis=0), ASPECTS)
     plain = evaluate.accuracy_by_aspect(correct, ASPECTS)
     np.testing.assert_allclose(repeated.ci_low, plain.ci_low, atol=1e-9)
@@ -34,11 +34,11 @@ def test_equal_answers_are_worth_one(correct, replicates):
 
 
 def worth_by_hand(groups):
-    """How many independent answers each group of views is worth, answer by answer.
+    """Return the effective number of independent answers of each group of views, and variances.
 
-    Of {view: {draw: right}} groups, draws being tuples: two-way (or wider) analysis of variance
-    within the groups, with one more view's sum of squares: all its answers alike, the rarer ones
-    of all groups, against the mean of all. Then the design effect, and Student's quantile.
+    Groups are {view: {draw: right}}, with tuples as draws. This is a two-way (or wider) analysis
+    of variance within groups, plus the sum of squares of one imaginary view, whose answers are all
+    the rarer ones. The design effect and Student's quantile follow.
     """
     all_answers = [right for group in groups for view in group.values() for right in view.values()]
     kinds = len(next(iter(next(iter(groups[0].values())))))
@@ -84,7 +84,7 @@ def worth_by_hand(groups):
 @pytest.mark.parametrize("concentration", [0.2, 2.0, 1e9])
 @pytest.mark.parametrize("effect", [0.0, 0.2])
 def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentration, effect):
-    """Views and draws that are missing, one draw as a whole, among them."""
+    """Cases have missing views and a draw that failed as a whole."""
     rng = np.random.default_rng(draws[0])
     chance = rng.beta(concentration * 0.7, concentration * 0.3, (4, 31))
     chance[:, 20:] = chance[:, 20:] / 2  # bins that differ
@@ -121,11 +121,11 @@ def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentra
 @pytest.mark.parametrize("truth", [0.5, 0.7, 0.95])
 @pytest.mark.parametrize("concentration", [0.3, 1.0, 5.0, 1e9])
 def test_intervals_cover_the_truth(truth, concentration):
-    """Views differ (beta), replicates scatter about them: 4,000 experiments, by bin and overall.
+    """Test 4,000 experiments with beta-distributed views, by bin and overall.
 
-    At least 95 % within 4 standard errors of 0.34 %. The imaginary view makes more of it where
-    answers are few or alike, and so do variances that are held at 0 or above; near the ends
-    Wilson's interval itself covers 97 % of as few.
+    Coverage is at least 95 % within 4 standard errors of 0.34 %. The imaginary view raises it for
+    few or equal answers, and so do variances clipped at 0; near the ends Wilson's interval itself
+    covers 97 % for as few answers.
     """
     rng = np.random.default_rng(1)
     shape = (4000, 1, 4, 31)
@@ -134,7 +134,7 @@ def test_intervals_cover_the_truth(truth, concentration):
     covered = ((score.ci_low <= truth) & (score.ci_high >= truth)).mean(axis=0)
     assert np.all(covered > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 4000))
     assert np.all(covered < (0.985 if truth < 0.9 else 0.995))
-    # Taken as independent, they would not.
+    # Intervals that assume independent answers cover less.
     n = 4 * 124
     low, high = evaluate.wilson_interval(np.rint(score.fraction[:, -1] * n), n)
     independent = ((low <= truth) & (high >= truth)).mean()
@@ -168,9 +168,9 @@ def test_differences_change_sign_with_the_order_and_hold_within_their_ends(first
 @pytest.mark.parametrize("confidence", [0.95, 0.999])
 @pytest.mark.parametrize(("draws", "alike"), [(1, 0.0), (1, 0.9), (4, 0.7)])
 def test_intervals_of_paired_differences_cover(draws, alike, confidence):
-    """Of 2,000 experiments of 40 views, alike in a share of the draws: a test at 1e-4.
+    """Test 2,000 experiments of 40 views with partly equal draws at level 1e-4.
 
-    The second classifier is right where the first one is wrong in a fifth of the draws.
+    The second classifier is right in a fifth of the draws in which the first one is wrong.
     """
     rng = np.random.default_rng(11)
     view = rng.beta(2.0, 1.0, (2000, 1, 2, 20))

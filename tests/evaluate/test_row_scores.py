@@ -1,4 +1,4 @@
-"""Scores of rows, comparisons and learning curves, against closed forms and simulations."""
+"""Scores of rows, comparisons and learning curves agree with closed forms and simulations."""
 
 import re
 
@@ -53,7 +53,7 @@ def test_the_order_of_rows_and_the_names_of_views_do_not_matter():
 
 
 def test_intervals_cover_the_share_of_correlated_rows():
-    """At least 92 % of 400 intervals of 95 %: fewer has probability 0.004 where they cover 95 %."""
+    """If intervals cover 95 %, fewer than 92 % of 400 cover with probability 0.004."""
     generator, covered = rng(), 0
     view = np.repeat(np.arange(60), 8)
     for _ in range(400):
@@ -137,7 +137,7 @@ def test_a_comparison_of_independent_rows_is_mcnemars():
 
 
 def test_equal_classifiers_are_told_apart_as_often_as_the_level_says():
-    """Of 400 pairs 5 % are told apart; more than 8 % have probability 0.005."""
+    """5 % of 400 equal pairs differ significantly; more than 8 % have probability 0.005."""
     generator = rng()
     view = np.repeat(np.arange(80), 5)
     refused = outside = 0

@@ -1,4 +1,4 @@
-"""Scores as tables and pictures: their numbers are those of the scores."""
+"""Tables and pictures of scores show the numbers of the scores."""
 
 import matplotlib as mpl
 import numpy as np

@@ -1,4 +1,4 @@
-"""Wilson intervals against scipy, aspect bins against the article's tables."""
+"""Wilson intervals agree with scipy, aspect bins with the article's tables."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_what_has_no_answer_is_not_counted():
     np.testing.assert_array_equal(score.n[:, -1], answered.sum(axis=(-2, -1)))
     assert np.isnan(score.fraction[1, 0])
     assert (score.n[1, 0], score.ci_low[1, 0], score.ci_high[1, 0]) == (0, 0.0, 1.0)
-    # What stands in the place of a missing answer makes no difference.
+    # The values in place of missing answers do not matter.
     np.testing.assert_array_equal(
         accuracy_by_aspect(correct | ~answered, GRID, answered=answered).fraction, score.fraction
     )

@@ -1,4 +1,4 @@
-"""A stack gives each of its images what the image gets alone, bit for bit."""
+"""Segmenting or mapping a stack equals processing each image alone, bit for bit."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 @st.composite
 def views(draw):
-    """Noise of any strength on ships of any warmth; among them images of nothing, and huge ones."""
+    """Draw ships of any warmth in noise of any strength, with empty and huge images among them."""
     count, rows, columns = draw(
         st.tuples(st.integers(2, 6), st.integers(1, 24), st.integers(1, 24))
     )

@@ -1,4 +1,4 @@
-"""Distance of ships, and sisters at a stated one."""
+"""The distance of ships is a symmetric measure, and sisters are built at a given distance."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ ASPECTS = [30.0, 150.0, 260.0]
 
 
 def plate(*, away: float) -> trimesh.Trimesh:
-    """Two thin plates across the line of sight from the bow, the second one further on."""
+    """Return two thin plates across the line of sight from the bow, the second further away."""
     plates = [trimesh.creation.box((0.2, 10, height)) for height in (5.0, 10.0)]
     plates[0].apply_translation((0, 0, 2.5))
     plates[1].apply_translation((-away, 0, 5.0))

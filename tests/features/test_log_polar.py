@@ -1,4 +1,4 @@
-"""The log-polar map: what leaves it alone, what turns it, and how well, on real silhouettes."""
+"""The log-polar map is invariant to shift and scale, and rotation shifts it cyclically."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,7 +22,7 @@ SIDE = 1.0  # of the pixels that silhouettes are seen by [m]
 
 @dataclass(frozen=True)
 class Change:
-    """Shift along columns and rows [pixel], factor of size, rotation to rows [deg]."""
+    """A shift along columns and rows [pixel], a factor of size, and a rotation to rows [deg]."""
 
     shift: tuple[float, float] = (0.0, 0.0)
     scale: float = 1.0
@@ -31,14 +31,14 @@ class Change:
 
 @lru_cache(maxsize=64)  # some 2 MB each
 def points(name, aspect):
-    """(2, point): horizontal and vertical place of points of a silhouette [m], one a square."""
+    """Return horizontal and vertical places of a silhouette's points [m], (2, point)."""
     view = {"aspect": aspect, "depression": 3.84, "pixel": POINT}
     image = range_image(ncti.ships.load(name), engine="auto", **view)
     return np.stack(image.cross_range_at(*np.nonzero(image.hit)))
 
 
 def seen(name, aspect, change=Change()):
-    """(row, col): share of each pixel that a silhouette covers after a change."""
+    """Return the share of each pixel that a silhouette covers after a change, (row, col)."""
     cos, sin = np.cos(np.radians(change.angle)), np.sin(np.radians(change.angle))
     turned = np.array([[cos, -sin], [sin, cos]]) @ points(name, aspect)
     place = turned * (change.scale / SIDE) + np.array(change.shift)[:, None]
@@ -47,18 +47,18 @@ def seen(name, aspect, change=Change()):
     row -= row.min()
     columns, rows = int(column.max()) + 1, int(row.max()) + 1
     count = np.bincount(row * columns + column, minlength=rows * columns)
-    # A lattice of points may put one too many into a full pixel.
+    # A full pixel may contain one lattice point too many.
     return np.minimum(count.reshape(rows, columns) * (change.scale * POINT / SIDE) ** 2, 1.0)
 
 
 def cosine(a, b):
-    """Cosine of two maps as they are; 0 if either is all zero."""
+    """Return the cosine of two maps; 0 if either is all zero."""
     norms = np.linalg.norm(a) * np.linalg.norm(b)
     return np.vdot(a, b) / norms if norms else 0.0
 
 
 def blob(seed=0, shape=(20, 54)):
-    """A ragged silhouette."""
+    """Return a ragged silhouette."""
     rng = np.random.default_rng(seed)
     mask = np.zeros(shape, dtype=bool)
     mask[10:16, 5:45] = True
@@ -114,7 +114,7 @@ def test_whole_pixels_of_shift_change_nothing(mask, down, right, interpolation):
 
 
 def ellipse(pixel, *, finer=16, long=40.0, short=15.0, turn=0.4, centre=(0.0, 0.0)):
-    """Area coverage of an ellipse [m], from finer x finer points a pixel."""
+    """Return the area coverage of an ellipse [m], from finer x finer points a pixel."""
     side = np.arange(-48.0 + pixel / finer / 2, 48.0, pixel / finer)
     inside = inside_ellipse(side - centre[0], side[:, None] - centre[1], long, short, turn)
     count = round(96 / pixel)

@@ -1,4 +1,4 @@
-"""Profile vectors: floor removed, peak one, whatever the scale."""
+"""Profile vectors have no floor and a peak of one, independent of gain and offset."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Segmentation: thresholds, neighbours and regions, against theory and plain loops."""
+"""Segmentation by thresholds, neighbours and regions agrees with theory and plain loops."""
 
 import sys
 
@@ -47,7 +47,7 @@ def whole(target, *, weights):
 
 
 def ship(shape=(20, 54)):
-    """A hull with a deckhouse and a mast, one region without holes."""
+    """Return a hull with a deckhouse and a mast, one region without holes."""
     mask = np.zeros(shape, dtype=bool)
     mask[12:16, 6:46] = True
     mask[8:12, 16:34] = True
@@ -98,7 +98,7 @@ def test_thresholds_know_neither_gain_nor_offset(method, gain, offset):
 
 @given(arrays(bool, array_shapes(min_dims=3, max_dims=3, max_side=9)))
 def test_without_noise_a_threshold_keeps_the_largest_region(targets):
-    """Where there is sea: nothing stands out in a constant image."""
+    """This needs some sea in the image, as a constant image has no region."""
     targets[:, 0, 0] = False
     np.testing.assert_array_equal(largest_region(targets), segment(targets, method="otsu"))
 
@@ -130,7 +130,7 @@ def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma,
 
 
 def slow_modes(target, ratio, *, beta=0.5, passes=10):
-    """Pixel by pixel, in the order of the four sets."""
+    """Return the conditional modes pixel by pixel, in the order of the four sets."""
     rows, columns = target.shape
     ship_at = target.tolist()
     for _ in range(passes):

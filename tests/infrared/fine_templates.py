@@ -1,4 +1,4 @@
-"""Templates of ships in half pixels, and in whole ones."""
+"""Helpers: templates of ships in half pixels and in whole pixels."""
 
 from functools import cache
 
@@ -12,12 +12,12 @@ from ncti.ships import load
 
 @cache
 def view(name: str, aspect: float) -> RangeImage:
-    """By an engine that is always there: another turns a pixel of an outline here and there."""
+    """Return a range image by an engine that is always installed; others differ in few pixels."""
     return range_image(load(name), aspect=aspect, depression=3.84, engine="embree")
 
 
 def template(name="duncan", aspect=60.0, *, slant_range=50e3, phase=(0.2, 0.7), rule=0.25):
-    """Fine template with pairs of half pixels, and the template of whole pixels."""
+    """Return the template of half pixels, padded to pairs, and the template of whole pixels."""
     horizontal, vertical = points(view(name, aspect))
     silhouette = coverage_of(
         horizontal,

@@ -1,4 +1,4 @@
-"""Planck's law in a band: quadrature, Stefan and Boltzmann, both ends of the spectrum, contrast."""
+"""Band radiance and contrast agree with quadrature of Planck's law and its limits."""
 
 import math
 
@@ -15,19 +15,19 @@ TEMPERATURES = [150.0, 288.15, 320.0, 1200.0]
 
 
 def planck(wavelength, temperature):
-    """Spectral radiance [W m-2 sr-1 m-1], straight from the law."""
+    """Return the spectral radiance [W m-2 sr-1 m-1] by Planck's law."""
     x = constants.h * constants.c / (wavelength * constants.k * temperature)
     return 2 * constants.h * constants.c**2 / wavelength**5 / math.expm1(x)
 
 
 def planck_slope(wavelength, temperature):
-    """Its derivative with respect to temperature."""
+    """Return the derivative of spectral radiance with respect to temperature."""
     x = constants.h * constants.c / (wavelength * constants.k * temperature)
     return planck(wavelength, temperature) * x / temperature / -math.expm1(-x)
 
 
 def integrated(law, temperature, band):
-    """By quadrature over the logarithm of the wavelength, to 1e-12 of itself."""
+    """Return the integral by quadrature over log wavelength, to a relative 1e-12."""
     ends = np.log(band)
     integral, error = quad(
         lambda u: math.exp(u) * law(math.exp(u), temperature),
@@ -43,7 +43,7 @@ def integrated(law, temperature, band):
 @pytest.mark.parametrize("band", BANDS)
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_radiance_and_its_slope_are_the_integrals_of_plancks_law(band, temperature):
-    """To 1e-10: the band is a difference, which is at worst a thousandth of what it is between."""
+    """Agree to 1e-10, as the band is a difference, at worst a thousandth of its terms."""
     for ours, law in ((band_radiance, planck), (radiance_slope, planck_slope)):
         value = ours(temperature, band=band)
         assert value == pytest.approx(integrated(law, temperature, band), rel=1e-10)
@@ -51,7 +51,7 @@ def test_radiance_and_its_slope_are_the_integrals_of_plancks_law(band, temperatu
 
 @pytest.mark.parametrize("temperature", TEMPERATURES)
 def test_all_wavelengths_are_stefan_and_boltzmanns_law(temperature):
-    """But for what lies beyond, in Rayleigh and Jeans's limit 2 c k T / (3 lambda^3)."""
+    """Radiance beyond the band, 2 c k T / (3 lambda^3) by Rayleigh and Jeans, is negligible."""
     band = (1e-8, 0.1)
     total = constants.sigma * temperature**4 / math.pi
     beyond = 2 * constants.c * constants.k * temperature / (3 * band[1] ** 3)
@@ -63,7 +63,7 @@ def test_all_wavelengths_are_stefan_and_boltzmanns_law(temperature):
 
 
 def test_contrast_is_the_ships_own_for_small_differences():
-    """And of 2.16 K is 1.2 % more at 8 to 12 um, 3.6 % at 3 to 5 um: radiance bends upwards."""
+    """For 2.16 K it is 1.2 % more at 8 to 12 um and 3.6 % at 3 to 5 um, as radiance is convex."""
     clear = {"extinction": 0.0}
     for band, bent in ((LONG_WAVE, 0.012), (MID_WAVE, 0.036)):
         small = band_contrast(1e3, band=band, contrast_at_zero=1e-3, **clear)
@@ -76,7 +76,7 @@ def test_contrast_is_the_ships_own_for_small_differences():
 
 
 def test_air_takes_radiance():
-    """10 dB leave a tenth, at (range) and any shape; twice the imager's law, of its SNR."""
+    """10 dB leave a tenth, for any shape; the imager's law, of SNR, has half the loss."""
     ranges = np.array([[0.0, 1e4], [2e4, 4e4]])
     contrasts = band_contrast(ranges, extinction=1e-3)
     np.testing.assert_allclose(contrasts / contrasts[0, 0], 10.0 ** (-ranges / 1e4), rtol=1e-14)

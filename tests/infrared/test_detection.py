@@ -1,4 +1,4 @@
-"""Detection by threshold: closed forms, and the smallest probabilities."""
+"""Detection by threshold agrees with closed forms down to the smallest probabilities."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_a_ship_is_detected_where_any_pixel_exceeds_the_threshold_of_the_sea(pix
     sigma=st.floats(1e-12, 1e12),
 )
 def test_without_contrast_only_false_alarms(pixels, false_alarm, sigma):
-    """1 - (1 - pfa)^n, to the digits of the smallest probabilities."""
+    """The probability is 1 - (1 - pfa)^n, accurate for the smallest probabilities."""
     ours = detection_probability(
         pixels, contrast=0.0, target_sigma=sigma, sea_sigma=sigma, false_alarm=false_alarm
     )

@@ -1,4 +1,4 @@
-"""Averages over several frame counts: one walk, of which no step depends on what is asked for."""
+"""Averages over several frame counts share one random walk that does not depend on the counts."""
 
 import numpy as np
 import pytest
@@ -32,15 +32,16 @@ def test_an_image_does_not_depend_on_its_company(drawer, counts, seed):
         other = np.random.default_rng(seed)
         (single,) = images(drawer, [count], other)
         np.testing.assert_array_equal(together[place], single)
-        # Whatever is drawn next does not depend on it either.
+        # Later draws do not depend on the counts either.
         assert other.bit_generator.state == rng.bit_generator.state
         assert other.bit_generator.seed_seq.state == rng.bit_generator.seed_seq.state
 
 
 def test_every_frame_is_one_white_normal():
-    """Frames 1 to 70, differences of sums: KS of each, and all pairs uncorrelated, at 1e-3.
+    """Frames 1 to 70, as differences of sums, pass KS and correlation tests at 1e-3.
 
-    40,000 pixels. It covers the bridge below 16, three shells above, and the seams between.
+    There are 40,000 pixels. These counts cover the bridge below 16, three shells above, and the
+    seams between.
     """
     counts = np.arange(1, 71)
     _, averages = scene.draw_scene(
@@ -63,7 +64,7 @@ def test_every_frame_is_one_white_normal():
 
 
 def test_calls_with_one_generator_share_no_noise():
-    """Fisher's z at 1e-3 of 40,000 pixels of a sum that has a generator of its own."""
+    """Two images of 40,000 pixels are uncorrelated by Fisher's z at 1e-3."""
     rng = np.random.default_rng(34)
     first, second = (
         thermal_images(

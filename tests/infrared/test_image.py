@@ -1,4 +1,4 @@
-"""Images of range images: the window, the range and the scale."""
+"""Images of range images have the right window, range and scale."""
 
 import numpy as np
 import pytest
@@ -45,11 +45,11 @@ def test_perfect_super_resolution_halves_the_range_but_not_the_sensor(name, aspe
     rng = np.random.default_rng(0)
     fine = infrared.image(view, slant_range=50e3, super_resolution="perfect", rng=rng, **parameters)
     near = infrared.image(view, slant_range=25e3, rng=rng, **parameters)
-    # The template of half the range, as warm as from the whole of it.
+    # The template is that of half the range, the contrast that of the full range.
     np.testing.assert_array_equal(fine > 0, near > 0)
     np.testing.assert_allclose(np.unique(fine), [0, infrared.contrast(50e3)])
     np.testing.assert_allclose(np.unique(near), [0, infrared.contrast(25e3)])
-    # With noise it is what thermal_images makes of that template.
+    # With noise it equals thermal_images of that template.
     template = infrared.silhouette(view, footprint=3.75, phase=(0.3, 0.6)).target(0.25)
     noisy = infrared.image(
         view,

@@ -1,4 +1,4 @@
-"""Compiled loops over points and pixels give what plain arrays give, bit for bit."""
+"""Compiled loops over points and pixels agree with plain arrays bit for bit."""
 
 import numpy as np
 from hypothesis import given, settings

@@ -1,4 +1,4 @@
-"""Table 1 of the article, digit by digit, and limits."""
+"""Radiometry reproduces Table 1 of the article digit by digit, and known limits."""
 
 import pytest
 

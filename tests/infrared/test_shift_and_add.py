@@ -1,4 +1,4 @@
-"""Shift-and-add: its operators, and what they do to scene and noise."""
+"""Shift-and-add agrees with its definition, and scales scene and noise by the stated gains."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ LEVEL = 1e-3
 @pytest.mark.parametrize("dy", [0, 1])
 @pytest.mark.parametrize("dx", [0, 1])
 def test_samples_are_four_detector_images_interlaced(dx, dy):
-    """Each position by plain averaging of 2 x 2 blocks, on stacks too."""
+    """Each detector position equals plain averaging of 2 x 2 blocks, for stacks too."""
     fine = np.random.default_rng(0).standard_normal((3, 9, 12))
     moved = fine[:, dy:, dx:]
     rows, cols = moved.shape[1] // 2, moved.shape[2] // 2
@@ -33,7 +33,7 @@ def test_shift_and_add_is_the_mean_of_four_samples():
 
 
 def test_gains_are_the_norms_of_the_responses():
-    """Root sum of squares of the response to one sample and to one half pixel, and Parseval.
+    """Gains are norms of the responses to one sample and one half pixel, also by Parseval.
 
     A half pixel has twice the spread of a detector pixel.
     """
@@ -50,7 +50,7 @@ def test_gains_are_the_norms_of_the_responses():
 
 @pytest.mark.parametrize(("spread", "nedt"), [(0.0, 0.4), (0.1, 0.0), (0.1, 0.4)])
 def test_deviation_of_the_images_is_what_the_gains_say(spread, nedt):
-    """2,000 images of 12 x 12, z-tests at 1e-3 of the middle, a corner and an edge alike."""
+    """z-tests at 1e-3 of 2,000 images of 12 x 12, in the middle, at corners and edges."""
     rng = np.random.default_rng(6)
     images = np.stack(
         [
@@ -72,9 +72,9 @@ def test_deviation_of_the_images_is_what_the_gains_say(spread, nedt):
 
 
 def test_the_scene_is_that_of_the_perfect_image():
-    """Same generator, no noise: the shifted image is a perfect one seen by the detector.
+    """Without noise the shifted image is the perfect image seen by the detector.
 
-    The half pixels have twice the spread, of which a detector pixel keeps half.
+    Half pixels have twice the spread, of which a detector pixel keeps half.
     """
     fine, _ = template()
     parameters = {"contrast": 0.7, "frame_counts": (4, 16), "nedt": 0.0}

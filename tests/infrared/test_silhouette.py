@@ -1,4 +1,4 @@
-"""Coverage: conservation, phase, windows of one shape, and the refusals."""
+"""Coverage conserves area, follows the phase, and agrees with clipped outlines."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def test_area_is_conserved(seed, count, footprint, phase, margin, slack):
     # A sum of counts, exact, times one constant: two roundings, and as many in the sum as pixels.
     rounding = (2 + outline.coverage.size) * 2.3e-16
     assert outline.coverage.sum() * footprint**2 == pytest.approx(0.07 * count, rel=rounding)
-    # The first moment tells that the area lies where it should: to half a pixel at most.
+    # The first moment shows that the area is in place, to half a pixel at most.
     cols = outline.origin[0] + footprint * np.arange(outline.coverage.shape[1])
     rows = outline.origin[1] + footprint * np.arange(outline.coverage.shape[0])
     share = outline.coverage / outline.coverage.sum()
@@ -51,7 +51,7 @@ def test_area_is_conserved(seed, count, footprint, phase, margin, slack):
 @settings(max_examples=50, deadline=None)
 @given(phase=phases)
 def test_phase_moves_the_ship_in_the_pixel(phase):
-    """Phase p is the ship moved right and up by p pixels; the origin moves back by as much."""
+    """Phase p moves the ship right and up by p pixels, and the origin back by as much."""
     horizontal, vertical = points(ship("duncan", 60.0))
     window = {"area": 0.0625, "footprint": 7.5, "extent": (-100.0, 100.0, -50.0, 60.0)}
     shifted = coverage_of(horizontal, vertical, phase=phase, **window)
@@ -90,7 +90,7 @@ def test_cells_make_up_their_pixels(seed, phase, cells, window):
 @pytest.mark.parametrize(("footprint", "phase"), [(3.75, (0.0, 0.0)), (7.5, (0.3, 0.8))])
 @pytest.mark.parametrize("subdivision", [1, 2])
 def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
-    """Against polygons clipped at the borders of pixels: rms 0.1 % of a pixel by 0.25 m lines."""
+    """0.25 m lines agree with polygons clipped at pixel borders to rms 0.1 % of a pixel."""
     hull, axes = ncti.ships.load("connole"), View(31.0, 3.84, roll=0.0).axes
     corners = (np.asarray(hull.vertices) @ axes.T)[np.asarray(hull.faces)]
     along, across = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

@@ -1,4 +1,4 @@
-"""Super-resolution: the error that is left between the image and the true scene."""
+"""Super-resolved images differ from the true scene by the documented errors."""
 
 import re
 
@@ -16,7 +16,7 @@ WAYS = ("none", "perfect", "shifted")
 
 
 def expected_square_error(fine, coarse, way, *, warmth, noise):
-    """Mean over the draws: the blur of the template, plus the variance of a pixel."""
+    """Return the expected square error: the template's blur plus the variance of a pixel."""
     if way == "none":
         blur, scene, detector = super_resolution.enlarge(coarse) ^ fine, 1.0, 1.0
     elif way == "perfect":
@@ -34,9 +34,10 @@ def expected_square_error(fine, coarse, way, *, warmth, noise):
 
 
 def test_table_of_errors():
-    """As `shift_and_add` has it: km, frames, none, perfect, shift-and-add, a quarter of frames.
+    """The table in the docstring of `shift_and_add` has the expected errors.
 
-    Means over four ships, three aspects and two phases.
+    Its columns are km, frames, none, perfect, shift-and-add, and this with a quarter of the frames;
+    errors are means over four ships, three aspects and two phases.
     """
     errors = []
     for slant_range in (25e3, 50e3, 100e3):
@@ -72,7 +73,7 @@ def test_table_of_errors():
 
 @pytest.mark.parametrize("way", WAYS)
 def test_errors_by_drawing_are_the_expected_ones(way):
-    """300 draws of one ship at 50 km, z-test at 1e-3 of the mean square error."""
+    """z-test at 1e-3 of the mean square error over 300 draws of one ship at 50 km."""
     fine, coarse = template()
     warmth, noise = infrared.contrast(50e3), infrared.noise_temperature(16)
     rng = np.random.default_rng(17)

@@ -1,4 +1,4 @@
-"""Thermal images: both Gaussians, and the deviation of a pixel."""
+"""Pixels of thermal images are Gaussian on ship and sea, with the stated deviation."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ HALF[:, :100] = True
 
 @pytest.mark.parametrize("frame_count", [1, 4, 16, 32])
 def test_both_gaussians(frame_count):
-    """KS over 20,000 pixels at 1e-3, and z-tests of mean and variance, of ship and of sea."""
+    """KS test of 20,000 pixels at 1e-3, and z-tests of mean and variance, on ship and sea."""
     (thermal,) = thermal_images(
         HALF,
         contrast=0.7,

@@ -1,4 +1,4 @@
-"""Range images of ships to look at in the infrared."""
+"""Helpers: range images of ships for the infrared tests."""
 
 from functools import cache
 
@@ -16,5 +16,5 @@ def ship(name, aspect):
 
 
 def points(image):
-    """Cross-range of the hit pixels."""
+    """Return the cross-range of the hit pixels."""
     return image.cross_range_at(*np.nonzero(image.hit))

@@ -1,4 +1,4 @@
-"""A small pass that several files of this room fly."""
+"""Fixtures shared by the tests of `ncti.irar`: a small ship and a pass over it."""
 
 import pytest
 from flown import flight, pole_on_box

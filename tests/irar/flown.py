@@ -1,4 +1,4 @@
-"""Scenes with known closed forms, and flights past them."""
+"""Helpers of the irar tests: flights, simple scenes, and exact geometry in extended precision."""
 
 import numpy as np
 import trimesh
@@ -7,24 +7,24 @@ from ncti.irar import Flight, Pass, ship_heading
 from ncti.irar.scene import Returns, ScanPlan
 
 CLEAN = 1e8
-"""A carrier-to-noise ratio beside which the noise is nothing."""
+"""A carrier-to-noise ratio at which the noise is negligible."""
 
 
 def flight(aspect=175.0, offset=5.0, slant_range=3900.0, **changes):
-    """A pass of the study's kind, at an aspect."""
+    """Return a flight with the study's geometry that sees the ship at an aspect."""
     heading = ship_heading(aspect=aspect, sight=offset + changes.get("aircraft_heading", 0.0))
     return Flight(slant_range=slant_range, ship_heading=heading, offset=offset, **changes)
 
 
 def pole_on_box(length, beam, height, pole):
-    """A hull with a slender upright pole on its middle, standing on the waterline."""
+    """Return a box hull on the waterline with a slender upright pole amidships."""
     hull = trimesh.creation.box((length, beam, height)).apply_translation((0, 0, height / 2))
     mast = trimesh.creation.box((1.6, 1.6, pole)).apply_translation((0, 0, height + pole / 2))
     return trimesh.util.concatenate([hull, mast])
 
 
 def wall(lines, samples, **changes):
-    """A scan of a wall that fills it all, at the range of the ship's origin as that changes."""
+    """Return a pass whose samples all hit a wall at the current range of the ship's origin."""
     flown = flight(samples=samples, pulse_rate=1e6, **changes)
     plan = ScanPlan(flown, 0, lines)
     time = plan.time(np.arange(1 - flown.detectors, samples))
@@ -35,9 +35,9 @@ def wall(lines, samples, **changes):
 
 
 def seen_from(flown, point, time):
-    """Where the aircraft is from a point at some times, ship axes, straight from the speeds.
+    """Return the vector from the aircraft to a point at some times, straight from the speeds.
 
-    (..., 3) extended precision: right, up and away in the snapshot's axes [m].
+    The result is (..., 3) in extended precision: right, up and away in the snapshot's axes [m].
     """
     long = np.longdouble
     azimuth = np.radians(long(flown.aircraft_heading + flown.offset))
@@ -65,10 +65,10 @@ def seen_from(flown, point, time):
 
 
 def scanned_at(flown, point, time):
-    """Scan angle and angle above the scan plane of points at some times, in the scanner's axes.
+    """Return the scan angle of points at some times, and their angle above the scan plane.
 
-    (..., 2) extended precision [rad]: the scanner's axes are those of the middle of the scan,
-    turned about it by the mirror.
+    The result is (..., 2) in extended precision [rad]. The scanner's axes are those of the middle
+    of the scan, turned about it by the mirror.
     """
     right, up, away = np.moveaxis(seen_from(flown, point, time), -1, 0)
     down = np.radians(np.longdouble(flown.depression))
@@ -92,7 +92,7 @@ def scanned_at(flown, point, time):
 
 
 def crossing(flown, point, *, early=-60.0, late=60.0):
-    """When lines of a scan that runs without end meet points [s], by bisection to 1e-12 s."""
+    """Return when lines of an endless scan meet points [s], by bisection to 1e-12 s."""
     early = np.full(np.shape(point)[:-1], early, np.longdouble)
     late = np.full_like(early, late)
     assert (scanned_at(flown, point, early)[..., 1] > 0).all()

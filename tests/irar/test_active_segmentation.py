@@ -1,4 +1,4 @@
-"""Segmentation of the active images: what stays, and how seldom noise alone does."""
+"""The noise threshold of active images has the stated false-alarm probability."""
 
 import math
 
@@ -17,7 +17,7 @@ PULSE = 4.5  # metres
 
 
 def tail(level, depth):
-    """Probability that noise of a depth, in pulse lengths, exceeds levels, kept when tiny."""
+    """Return the probability that noise of a depth, in pulse lengths, exceeds levels."""
     level = np.asarray(level, float)
     rate = np.sqrt(4 * level / math.pi) * np.exp(-level) / -np.expm1(-level)
     return -np.expm1(np.log1p(-np.exp(-level)) - depth * rate)
@@ -32,7 +32,7 @@ def threshold(looks, depth, **others):
 @pytest.mark.parametrize("depth", [0.0, 3.0, 67.0, 1e6])
 @pytest.mark.parametrize("dropout", [0.0, 0.3, 4.0, 15.0])
 def test_threshold_of_one_look_is_the_quantile_of_the_noise_peak(depth, dropout, false_alarm):
-    """Or the least that is reported; between edges 1/32 apart the tail bends by some 1e-4."""
+    """It is at least the dropout level; interpolation between edges 1/32 apart errs by 1e-4."""
     expected = optimize.brentq(lambda u: tail(u, depth) - false_alarm, 0.01, 60, xtol=1e-12)
     least = threshold(1, depth, dropout=dropout, false_alarm=false_alarm)
     assert least == pytest.approx(max(expected, dropout), abs=2e-4)
@@ -44,18 +44,18 @@ def test_threshold_of_one_look_is_the_quantile_of_the_noise_peak(depth, dropout,
 def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
     looks, dropout, false_alarm
 ):
-    """Of so many reports, a binomial number, what is over the dropouts sums to a gamma."""
+    """The number of reports is binomial; their excess over the dropout level sums to a gamma."""
     reports = np.arange(1, looks + 1)
     chance = stats.binom.pmf(reports, looks, math.exp(-dropout))
 
     def above(total):
         return chance @ stats.gamma.sf(total - reports * dropout, reports)
 
-    expected = dropout  # any report is too much
+    expected = dropout  # then any report is a false alarm
     if above(dropout) > false_alarm:
         expected = optimize.brentq(lambda s: above(s) - false_alarm, 0, 20 * looks + 60)
     least = threshold(looks, 0.0, dropout=dropout, false_alarm=false_alarm)
-    # The grid adds a variance of (1/32)^2 / 12 to each look's 1: 8e-5.
+    # The grid adds a variance of (1/32)^2 / 12 = 8e-5 to the unit variance of a look.
     assert least == pytest.approx(expected / looks, rel=1e-4)
 
 
@@ -70,7 +70,7 @@ def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
     ],
 )
 def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change, looks):
-    """50,000 averages of the receiver's own looks at the sea: binomial, 1e-3 over the 16 cases."""
+    """Binomial test of 50,000 averages of simulated looks at the sea, 1e-3 over the 16 cases."""
     flown = flight(**change)
     shape = (50_000, looks)
     nothing = Returns(shape, *[np.empty(0, np.intp)] * 2, *[np.empty(0)] * 2, 9)

@@ -1,4 +1,4 @@
-"""Closing speed from upright faces, against the speed that was flown."""
+"""Autofocus estimates the closing speed from upright faces, close to the true speed."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from ncti.irar.autofocus import SLOPE_HEIGHT, SMOOTHING, closing_per_speed, slop
 
 
 def navigated(flown, error):
-    """A flight whose closing speed is believed wrong by a share of it."""
+    """Return the flight with a relative error in its closing speed."""
     change = error * flown.closing_speed / closing_per_speed(flown)
     return replace(flown, aircraft_speed=flown.aircraft_speed + change)
 
@@ -40,9 +40,8 @@ def test_a_block_with_upright_sides_gives_its_closing_speed(aspect, errors):
     block = box((100, 16, 20)).apply_translation((0, 0, 10))
     scan = fly(block, flight(aspect=aspect, samples=260, pulse_rate=31e3)).noiseless()
     flown = scan.flight
-    # Half a step of the spectrum, 0.005 m/m, and as much for the lines' spacing where a face ends.
-    # Columns of a pixel's looks are known to a quarter of it, which turns a face that is looked at
-    # from aside.
+    # Half a step of the spectrum, 0.005 m/m, and as much for the line spacing at the end of a
+    # face. Looks are placed to a quarter of a column, which tilts a face seen obliquely.
     aside = abs((aspect + 45) % 90 - 45)
     turned = 0.25 * flown.pixel * np.tan(np.radians(aside)) / SLOPE_HEIGHT
     slope = 2 * 0.005 + turned

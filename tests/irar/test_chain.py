@@ -1,4 +1,4 @@
-"""The whole chain: a flight past a ship against the view that it should recover."""
+"""The whole chain, from a flight to a profile, recovers the true image and profile of a ship."""
 
 import dataclasses
 import math
@@ -23,7 +23,7 @@ def roberts():
 
 @pytest.fixture(scope="module")
 def flown(roberts):
-    """The study's flight past it, near stern, at 3.9 km."""
+    """Return the study's pass over the ship, near stern, at 3.9 km."""
     return irar.fly(roberts, flight(175.0))
 
 
@@ -44,7 +44,7 @@ def true_profile(flown, truth):
 
 @pytest.fixture(scope="module")
 def scans(flown):
-    """Two scans of it at each of 15, 20 and 30 dB."""
+    """Return two scans of the pass at each of 15, 20 and 30 dB."""
     by_snr = {}
     for decibels in (15, 20, 30):
         changed = dataclasses.replace(flown.plan.flight, cnr=10 ** (decibels / 10))
@@ -58,13 +58,13 @@ def correlation(a, b):
 
 
 def averaged(snapshot):
-    """Means of the cells of each pixel."""
+    """Return the means over the cells of each pixel."""
     rows, columns = snapshot.window.rows, snapshot.window.columns
     return snapshot.intensity.reshape(rows, CELLS, columns, CELLS).mean(axis=(1, 3))
 
 
 def without_hangar(expected):
-    """Bins more than 4 m from the highest."""
+    """Return a mask of the bins more than 4 m from the highest one."""
     return np.abs(np.arange(expected.size) - expected.argmax()) > HANGAR
 
 
@@ -74,11 +74,11 @@ def measured(scan, window, *, overscanned=True, **how):
 
 
 def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth):
-    """The image, its energy, and the ranges of what faces the sensor.
+    """Check the image, its energy, and the ranges of faces towards the sensor.
 
-    A corrected pixel is the mean of looks spread over it, as are the cells of the truth, but
-    looks come from up to 400 m further or nearer: energy to 1 %. A range at a step, or on a deck,
-    is that of one of several returns; the faces' are within the tenth of a pixel's slope.
+    A corrected pixel averages looks spread over it, and the truth averages cells, but looks come
+    from up to 400 m further or nearer: energy agrees to 1 %. At a step, or on a deck, a pixel
+    reports the range of one of several returns, so only ranges of faces are compared.
     """
     scan = flown.noiseless()
     image = irar.correct(scan, window=window)
@@ -108,7 +108,7 @@ def test_a_noiseless_flight_gives_the_true_profile(flown, window, true_profile):
 
 @pytest.mark.parametrize("decibels", [15, 20, 30])
 def test_a_measured_profile_is_the_true_one(decibels, scans, window, true_profile):
-    """From 15 dB on 0.95, and 0.90 without the hangar, which alone makes most of the first."""
+    """Correlation is 0.95 from 15 dB on, and 0.90 without the hangar, which dominates the first."""
     beside = without_hangar(true_profile)
     for scan in scans[decibels]:
         profile = measured(scan, window)
@@ -118,7 +118,7 @@ def test_a_measured_profile_is_the_true_one(decibels, scans, window, true_profil
 
 @pytest.mark.parametrize("threshold", [5.0, 7.0, 12.0])
 def test_a_threshold_above_the_sea_leaves_the_ship_where_it_is(scans, threshold):
-    """Half of the sea's samples, or all but a few, are not reported; the ship's are the same."""
+    """The threshold drops half or nearly all of the sea's samples; ship ranges stay the same."""
     scan = scans[20][0]
     flight = dataclasses.replace(scan.flight, threshold=threshold)
     reported = scan.intensity >= threshold
@@ -130,8 +130,8 @@ def test_a_threshold_above_the_sea_leaves_the_ship_where_it_is(scans, threshold)
     )
     level = SHIP_CONTRAST * np.median(scan.intensity)
     assert level > 12.0  # no sample of the ship is lost
-    # Beside the ship. The median of a scan has some samples of the ship, so that few samples are
-    # on the other side of the level of pure noise.
+    # Compare near the ship. The median of a scan includes some samples of the ship, so that few
+    # samples fall on the other side of the level of pure noise.
     beside = binary_dilation(scan.intensity > 2 * level, iterations=2)
     equal = nearest_ship_range(censored) == nearest_ship_range(scan)
     assert equal[beside].mean() > 0.99
@@ -139,7 +139,7 @@ def test_a_threshold_above_the_sea_leaves_the_ship_where_it_is(scans, threshold)
 
 @pytest.mark.parametrize("overscanned", [False, True])
 def test_clusters_are_better_than_the_median_and_the_mean(scans, window, true_profile, overscanned):
-    """At 20 dB, whole and without the hangar, on either scan."""
+    """Check this at 20 dB on both scans, with the hangar's bins and without them."""
     beside = without_hangar(true_profile)
     for scan in scans[20]:
         profiles = [
@@ -152,11 +152,11 @@ def test_clusters_are_better_than_the_median_and_the_mean(scans, window, true_pr
 
 
 def test_frames_and_delays_gain_the_roots_of_their_numbers():
-    """On a flat wall that faces the sensor: 5 % over at least 2,000 pixels, 3 standard errors.
+    """Check a flat wall that faces the sensor to 5 %: 3 standard errors of 2,000 pixels or more.
 
-    Of pixels with unlike numbers of looks the mean of 1 / N counts. They are more than the lines
-    in the time of one pixel's climb, as the tilted lines and the drift lie denser by
-    cos L + sin L drift / climb, and samples by what the aircraft has come closer.
+    Where the number N of looks varies, the mean of 1 / N counts. The expected number is the lines
+    in the time of one pixel's climb, corrected by cos L + sin L drift / climb for tilted lines
+    and drift, and by the range that the aircraft has closed.
     """
     plate = trimesh.creation.box((1.0, 70.0, 28.0))
     plate.apply_transform(trimesh.transformations.rotation_matrix(math.radians(6.7), [0, 1, 0]))
@@ -190,7 +190,7 @@ def test_frames_and_delays_gain_the_roots_of_their_numbers():
 
 
 def _plane(image, flown):
-    """Range of a plane across the line of sight through the plate's near side."""
+    """Return the range of a plane across the line of sight through the plate's near side."""
     right = image.column * flown.ifov
     up = image.row[:, None] * flown.ifov
     # The plate's middle lies 14 m over the origin, half a metre of thickness before it.
@@ -212,7 +212,7 @@ def _plane(image, flown):
     ],
 )
 def test_an_image_that_fits_no_flight_is_refused(message, change):
-    """Message and the change of a scan, an image or an argument that it is about."""
+    """Each case has the message and the change of a scan, image or argument that causes it."""
 
     def profiled(scan):
         scan = dataclasses.replace(scan, infrared=change.get("infrared", scan.infrared))

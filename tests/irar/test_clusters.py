@@ -1,4 +1,4 @@
-"""Histogram-cluster average: the majority's mean, whatever the others say."""
+"""The histogram-cluster average is the mean of the most populated window of ranges."""
 
 import math
 
@@ -15,7 +15,7 @@ maybe = st.one_of(quarters, st.just(math.nan))
 
 
 def plain_average(looks, window):
-    """The definition, window by window."""
+    """Return the average by its definition, window by window."""
     known = sorted(r for r in looks if not math.isnan(r))
     held = [[r for r in known if 0 <= r - begin <= window] for begin in known]
     if not held:

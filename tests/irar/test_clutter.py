@@ -1,4 +1,4 @@
-"""Clutter of the sea: its variance, its correlation, and what lies still on the water."""
+"""Sea clutter has the stated variance and correlation, and is fixed to the water."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ DRAWS = 2000
 
 
 def with_sea(passed, **sea):
-    """The same pass, before another sea."""
+    """Return the same pass with other sea parameters."""
     changed = dataclasses.replace(passed.plan.flight, **sea)
     return dataclasses.replace(passed, plan=dataclasses.replace(passed.plan, flight=changed))
 
@@ -23,13 +23,13 @@ APART = np.array([0.0, 3.0, 6.0, 12.0, 24.0, 60.0])
 
 
 def test_clutter_has_its_deviation_and_its_correlation():
-    """2,000 draws at six distances, along and across: each within 4.5 standard errors.
+    """Check 2,000 draws at six distances on two lines, each within 4.5 standard errors.
 
-    The product of two normals of correlation r scatters by sqrt(1 + r^2); 24 comparisons, of which
-    one is beyond 4.5 with a probability of 2e-4.
+    The product of two normals of correlation r has the deviation sqrt(1 + r^2). Any of the 24
+    comparisons exceeds 4.5 with a probability of 2e-4.
     """
     rng = np.random.default_rng(6)
-    # Along x, and slantwise far from there.
+    # One line along x, and an oblique one far from it.
     lines = [(APART, 0 * APART), (100.0 + 0.6 * APART, 0.8 * APART)]
     places = np.moveaxis(np.array(lines), 1, -1)
     sea = {"deviation": DEVIATION, "length": LENGTH}
@@ -43,7 +43,7 @@ def test_clutter_has_its_deviation_and_its_correlation():
 
 
 def test_lines_of_sight_meet_the_water_where_the_ships_frame_says(flown):
-    """What is seen at the place at that time lies on the line of sight: angles from the speeds."""
+    """Points computed on the water lie on their lines of sight at that time."""
     planned = flown.plan.flight
     columns = np.arange(0, planned.samples, 17)
     time = flown.plan.time(columns)[::40]

@@ -1,4 +1,4 @@
-"""Flights: who is where, what the scan's rates come to, and what cannot be flown."""
+"""Flights give correct positions, angles and rates, and refuse impossible geometry."""
 
 import dataclasses
 import math
@@ -17,7 +17,7 @@ POINTS = np.array([(60.0, 0, 0), (-60.0, 7, 3), (0.0, 0, 40), (0.0, -7, 0)])
 
 @st.composite
 def flights(draw):
-    """Passes that close on the ship, of any headings."""
+    """Draw passes of any headings that close on the ship."""
     return flight(
         aspect=draw(st.floats(0, 360)),
         offset=draw(st.floats(-40, 40)),
@@ -33,14 +33,14 @@ def flights(draw):
     ("heading", "aspect"), [(180, 0), (270, 90), (0, 180), (90, 270), (-90, 90)]
 )
 def test_aspects_of_a_ship_to_the_north(heading, aspect):
-    """Sailing west it shows its port side to an aircraft south of it, 90 deg."""
+    """A ship sailing west shows its port side, 90 deg, to an aircraft south of it."""
     flown = Flight(slant_range=4e3, ship_heading=heading, offset=0.0)
     assert flown.aspect == aspect
 
 
 @given(flights())
 def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
-    """u = (cos d cos a, cos d sin a, sin d) of the ship frame, at time 0."""
+    """The direction is (cos d cos a, cos d sin a, sin d) in the ship frame at time 0."""
     a, d = math.radians(flown.aspect), math.radians(flown.depression)
     towards = np.array([math.cos(d) * math.cos(a), math.cos(d) * math.sin(a), math.sin(d)])
     position = flown.position(np.zeros(()))
@@ -53,7 +53,7 @@ def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
 
 @given(flights())
 def test_speeds_are_the_derivatives_of_what_is_seen(flown):
-    """Closing speed, drift and climb by central differences over 2 ms, true to (v h / R)^2."""
+    """Closing speed, drift and climb match central differences over 2 ms, to (v h / R)^2."""
     step = 1e-3
     before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
 
@@ -73,7 +73,7 @@ def test_speeds_are_the_derivatives_of_what_is_seen(flown):
 
 
 def test_the_article_has_eight_to_twelve_lines_a_pixel():
-    """A ship that sails away from the aircraft at 8 m/s: 82 m/s of closing speed, 9.5 of climb."""
+    """A ship sailing away at 8 m/s gives 82 m/s of closing speed and 9.5 of climb."""
     cases = [flight(aspect=175, slant_range=r) for r in (3e3, 3.9e3, 5e3)]
     assert [f.climb for f in cases] == pytest.approx([9.5] * 3, abs=0.05)
     assert [f.lines_per_pixel for f in cases] == pytest.approx([7.7, 10.0, 12.8], abs=0.06)
@@ -91,7 +91,7 @@ def test_the_beam_points_at_the_ship_in_the_snapshot():
 
 @given(flights(), st.floats(-8, 8), st.floats(10, 70), st.floats(-3, 3))
 def test_angles_to_points_are_those_of_the_scanner(flown, time, mirror_angle, aside):
-    """Against axes turned by hand in extended precision, and back again to the same points."""
+    """Compare with axes turned by hand in extended precision, and map back to the same points."""
     flown = dataclasses.replace(flown, mirror_angle=mirror_angle, pointing=flown.offset + aside)
     along, across = flown.angles_to(POINTS, np.array(time))
     expected = scanned_at(flown, POINTS, time).astype(float)

@@ -1,4 +1,4 @@
-"""Speckle from line to line: the closed form against a rough surface, and the lines drawn."""
+"""Line-to-line speckle correlation matches simulated rough surfaces, and so do drawn lines."""
 
 import math
 
@@ -12,10 +12,10 @@ from ncti.irar.speckle import speckle, speckle_correlation
 
 
 def rough_surface(flown, lines, *, surfaces, scatterers=400, seed=0):
-    """Fields of successive lines off rough surfaces across the line of sight (surface, line).
+    """Return fields of successive lines off rough surfaces across the sight (surface, line).
 
-    Phasors of scatterers at random places, by their exact two-way paths; weighed by beam and
-    receiver, each of 1/e^2 intensity diameter phi R, about where the beam then points.
+    A field sums phasors of scatterers at random places by their exact two-way paths, weighted by
+    beam and receiver, each of 1/e^2 intensity diameter phi R, about the current beam centre.
     """
     rng = np.random.default_rng(seed)
     step = flown.snapshot_axes @ flown.to_ship @ flown.velocity / flown.line_rate
@@ -38,10 +38,10 @@ def rough_surface(flown, lines, *, surfaces, scatterers=400, seed=0):
     [(0.5, 205e-6), (8.0, 205e-6), (15.0, 205e-6), (25.0, 205e-6), (20.0, 20e-6), (50.0, 20e-6)],
 )
 def test_the_closed_form_is_that_of_a_rough_surface(speed, ifov):
-    """4,000 surfaces: a correlation is known to sqrt((1 - mu^2) / 2 / 4000), 4 of which (1e-4).
+    """Allow 4 standard errors sqrt((1 - mu^2) / 2 / 4000) of 4,000 surfaces (level 1e-4).
 
-    The wavefront's curvature along the scatterers, alike in both lines, cancels. By a wide beam
-    the tilt of the phase decorrelates, by one of 20 urad the footprint that moves away.
+    The wavefront's curvature is the same in both lines and cancels. With a wide beam the phase
+    tilt decorrelates the lines; with one of 20 urad the displacement of the footprint does.
     """
     flown = flight(offset=5.0, aircraft_speed=speed, ship_speed=0.0, ifov=ifov)
     mu = speckle_correlation(flown)
@@ -57,7 +57,7 @@ def test_the_closed_form_is_that_of_a_rough_surface(speed, ifov):
 
 @pytest.mark.parametrize("mu", [0.0, 0.3, 0.8, 0.99])
 def test_drawn_lines_are_a_markov_sequence(mu):
-    """Of 200 lines in 2,000 columns: correlation mu^k at lag k, unit power, no phase preferred.
+    """200 lines in 2,000 columns have correlation mu^k at lag k, unit power and uniform phase.
 
     Each pair of lines gives 2,000 independent products; means over pairs are known to a standard
     error of 1 / sqrt(2000) or better, four of which are allowed.

@@ -1,4 +1,4 @@
-"""Landmarks of near-stern profiles: places put in by hand, and those of the rendered frigates."""
+"""Landmarks of near-stern profiles are found in schematic profiles and in rendered frigates."""
 
 import math
 
@@ -16,7 +16,7 @@ CENTRES = np.arange(-125, 125) + 0.5
 
 
 def binned(places, areas, half_widths, centres=CENTRES):
-    """Uniform boxes in range, summed into bins: the part of each that lies before each edge."""
+    """Return the bins' sums of boxes uniform in range."""
     step = centres[1] - centres[0]
     edges = np.append(centres - step / 2, centres[-1] + step / 2)
     before = np.zeros(edges.size)
@@ -37,7 +37,7 @@ def view(name, pixel=PIXEL):
 
 
 def ship_profile(image, *, spread, shift=0.0):
-    """A range image's profile; each pixel a point, or over its own extent in range."""
+    """Return an image's profile, with pixels as points or spread over their extent in range."""
     hit = image.hit
     slope = np.abs(image.gradient[hit].astype(float)).sum(axis=-1)
     extent = spread * image.pixel * slope / 2
@@ -71,7 +71,7 @@ def schematic(shift=0.0):
 
 @pytest.mark.parametrize("shift", [0.0, 0.2, 0.4, 0.6, 0.8])
 def test_places_put_in_come_back(shift):
-    """Within half a bin, wherever its edges fall; a little more where two places differ."""
+    """Places are within half a bin for any bin edges; their differences within 0.7 bin."""
     marks = landmarks(schematic(shift), CENTRES + shift)
     hangar = PARTS["hangar"][0]
     assert marks.hangar == pytest.approx(hangar, abs=0.5)
@@ -87,7 +87,7 @@ def test_places_put_in_come_back(shift):
 
 
 def test_energies_hold_where_heights_do_not():
-    """Half a bin moves the ratio of heights by a quarter and more, of energies by a tenth."""
+    """Shifts of the bins change heights by more than a quarter, energies by less than a tenth."""
     masts = [landmarks(schematic(s), CENTRES + s).mast for s in np.arange(0, 1, 0.1)]
     heights, energies = np.array([(p.height, p.energy) for p in masts]).T
     assert np.ptp(heights) / heights.mean() > 0.25
@@ -106,7 +106,7 @@ def test_peak_that_is_not_there_is_not_found():
     ("true", "bound"), [(-41.5, 1e-6), (-41.0, 1e-6), (-41.3, 0.25), (-41.8, 0.25)]
 )
 def test_gaussian_peak_is_placed_by_its_centroid(true, bound):
-    """Exact by symmetry on a bin or between two, else within a quarter of a bin."""
+    """It is exact by symmetry on a bin or between two, else within a quarter of a bin."""
     edges = np.append(CENTRES - 0.5, CENTRES[-1] + 0.5)
     bins = np.diff(erf((edges - true) / (0.5 * math.sqrt(2))))
     assert landmarks(bins, CENTRES).hangar == pytest.approx(true, abs=bound)
@@ -121,7 +121,7 @@ FIGURE_16 = {
 
 @pytest.mark.parametrize("spread", [0.0, 1.0])
 def test_frigates_show_what_figure_16_shows(frigate, spread):
-    """Places within a bin; heights within the quarter that a bin's place makes."""
+    """Places agree within a bin; heights within a quarter, as they depend on the bins' place."""
     name, image = frigate
     expected = FIGURE_16[name]
     marks = landmarks(ship_profile(image, spread=spread), CENTRES)
@@ -136,7 +136,7 @@ def test_frigates_show_what_figure_16_shows(frigate, spread):
 
 
 def test_deck_is_a_comb_where_pixels_are_points(frigate):
-    """Three spikes a pixel's length apart in range, wherever the bins lie; none when spread."""
+    """Three spikes are a pixel's length apart in range for any bins; spread pixels give none."""
     _, image = frigate
     spacing = PIXEL / math.sin(math.radians(DEPRESSION))
     for shift in (0.0, 0.25, 0.5, 0.75):

@@ -1,4 +1,4 @@
-"""Looks: each sample in the right pixel, and what averaging them gains."""
+"""Looks are gathered into the right pixels, and averaged or reduced to their median."""
 
 import math
 
@@ -16,7 +16,7 @@ values = arrays(float, 12, elements=st.one_of(st.floats(-1e6, 1e6), st.just(math
 
 
 def plain_looks(row, column, rows, columns):
-    """The definition, sample by sample."""
+    """Return the looks of each pixel by the definition, sample by sample."""
     looks = {}
     for k, centre in enumerate(rows):
         for c in range(columns):
@@ -30,7 +30,7 @@ def plain_looks(row, column, rows, columns):
 
 
 def listed(index):
-    """Lists of looks out of an index, whose gaps must all be at its end."""
+    """Return the lists of looks in an index, and check that all gaps are at its end."""
     lists = {}
     for k, c in np.ndindex(index.shape[:2]):
         looks = index[k, c].tolist()

@@ -1,4 +1,4 @@
-"""Facets whose gain is an input: which they are, and that nothing else changes."""
+"""Transom facets are selected correctly, and input gains change only their own facets."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The scanning mirror: its lean by finite differences, its sign, the printed form's limit."""
+"""The scanning mirror's rotation matches finite differences, its sign, and the printed limit."""
 
 import math
 
@@ -16,10 +16,10 @@ STEP = 1e-4
 
 
 def reflected(along, across, *, depression, mirror_angle, azimuth):
-    """Direction of a beam, turned in the scanner, that a plane mirror reflects.
+    """Return the direction of a beam, turned in the scanner, after a plane mirror reflects it.
 
-    The mirror stands so that the undeflected beam, level, comes out at the depression: its normal
-    is along the sum of the ways to the source and to the ship.
+    The mirror reflects the level, undeflected beam to the depression: its normal is along the sum
+    of the directions to the source and to the ship.
     """
     source, ship = (
         compass_directions(azimuth + 2 * mirror_angle, 0),
@@ -34,10 +34,10 @@ def reflected(along, across, *, depression, mirror_angle, azimuth):
 
 @given(depressions, mirror_angles, st.floats(-360, 360))
 def test_the_image_is_turned_by_the_exact_angle(depression, mirror_angle, azimuth):
-    """Central differences of the reflection, true to STEP^2 = 1e-8, against the closed form.
+    """Central differences of the reflection, exact to STEP^2 = 1e-8, agree with the closed form.
 
-    Reflection keeps angles: turns to the right and up become orthogonal axes of the image, turned
-    together.
+    Reflection keeps angles, so turns to the right and up become orthogonal axes of the image,
+    rotated by one angle.
     """
     pose = {"depression": depression, "mirror_angle": mirror_angle, "azimuth": azimuth}
     turned = np.array(
@@ -50,12 +50,12 @@ def test_the_image_is_turned_by_the_exact_angle(depression, mirror_angle, azimut
     image = turned @ np.stack([right, np.cross(right, away)]).T
     angle = math.radians(mirror_rotation(depression, mirror_angle=mirror_angle))
     c, s = math.cos(angle), math.sin(angle)
-    # What stands upright, (0, 1), has s along the scan and c across it: clockwise by the angle.
+    # An upright object, (0, 1), has s along the scan and c across it: clockwise by the angle.
     np.testing.assert_allclose(image, [[c, s], [-s, c]], atol=3e-8)
 
 
 def test_an_upright_object_leans_to_the_left():
-    """The article corrects by a clockwise rotation: its theta_v, and ours, are negative."""
+    """The article corrects by a clockwise rotation, so its theta_v and ours are negative."""
     along, across, _ = mirror_axes(azimuth=0, depression=6.7) @ [0.0, 0.0, 1.0]
     assert along < 0 < across
     assert mirror_rotation(6.7) < 0 and mirror_rotation(6.7, form="printed") < 0

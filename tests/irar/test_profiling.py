@@ -1,4 +1,4 @@
-"""Range profile: every intensity once, in the bin of its range."""
+"""A range profile sums the intensities whose ranges fall into each bin."""
 
 import math
 

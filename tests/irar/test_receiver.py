@@ -1,4 +1,4 @@
-"""The peak-detecting receiver: its speckle, its noise, its range errors, dropouts and gate."""
+"""The peak-detecting receiver has the expected speckle, noise, range errors, dropouts and gate."""
 
 import math
 
@@ -18,7 +18,7 @@ RANGE = 3900.0
 
 
 def rays(distances):
-    """Returns of 3,000 samples, each with rays at the same distances."""
+    """Return 3,000 samples, each with rays at the same distances."""
     number = len(distances)
     return Returns(
         SHAPE,
@@ -31,7 +31,7 @@ def rays(distances):
 
 
 def received(returns, *, still=False, **changes):
-    """Intensity and range of returns with speckle, or with amplitudes of 1."""
+    """Return the intensity and range of returns with speckle, or with amplitudes of 1."""
     flown = flight(**({"threshold": 0.0, "range_sigma": 0.0} | changes))
     rng = np.random.default_rng(0)
     shape = (*returns.shape, returns.rays)
@@ -42,16 +42,16 @@ def received(returns, *, still=False, **changes):
 
 
 def below(level, *, depth, pulse_length):
-    """Probability that noise of a depth stays below a level, straight from the docstring."""
+    """Return the probability that noise of a depth stays below a level, as `peaks` documents it."""
     level = np.asarray(level, float)
     rate = np.sqrt(4 * level / math.pi) * np.exp(-level) / -np.expm1(-level)
     return -np.expm1(-level) * np.exp(-depth / pulse_length * rate)
 
 
 def test_a_deck_has_the_largest_of_its_returns():
-    """Nine rays 20 m apart: the largest of nine exponential powers, mean H_9 / 9.
+    """Nine rays 20 m apart give the largest of nine exponential powers, with mean H_9 / 9.
 
-    Signal-to-noise ratio H_9 / sqrt(sum 1 / k^2) = 2.3, without any noise: a maximum varies less.
+    Its signal-to-noise ratio is H_9 / sqrt(sum 1 / k^2) = 2.3, as a maximum varies less.
     """
     distances = RANGE + 20.0 * (np.arange(9) - 4)
     intensity, range_ = received(rays(distances), cnr=CLEAN)
@@ -59,7 +59,7 @@ def test_a_deck_has_the_largest_of_its_returns():
     harmonic, squares = sum(1 / k for k in range(1, 10)), sum(1 / k**2 for k in range(1, 10))
     expected = harmonic / math.sqrt(squares)
     assert intensity.mean() / intensity.std() == pytest.approx(expected, rel=0.06)
-    # Each is the strongest as often as any other; none is found between them.
+    # All rays are equally often the strongest; no range lies between rays.
     nearest = np.abs(range_[:, None] - distances).argmin(axis=1)
     np.testing.assert_allclose(range_, distances[nearest], rtol=0, atol=0.01)
     assert stats.chisquare(np.bincount(nearest, minlength=9)).pvalue > LEVEL
@@ -67,7 +67,7 @@ def test_a_deck_has_the_largest_of_its_returns():
 
 @pytest.mark.parametrize("apart", [0.3, 0.5])
 def test_returns_closer_than_a_pulse_add_their_fields(apart):
-    """Fields exp(-2 x^2 / L^2) of two halves of the power, d L apart: 2 exp(-d^2) at the middle."""
+    """Two halves of the power, d L apart, with fields exp(-2 x^2 / L^2), peak at 2 exp(-d^2)."""
     length = flight().pulse_length
     intensity, range_ = received(rays([RANGE, RANGE + apart * length]), cnr=CLEAN, still=True)
     assert intensity.mean() / CLEAN == pytest.approx(2 * math.exp(-(apart**2)), rel=0.02)
@@ -75,7 +75,7 @@ def test_returns_closer_than_a_pulse_add_their_fields(apart):
 
 
 def test_what_lies_beyond_the_gate_is_not_received():
-    """However strong: a gate of 300 m about the nominal range, and a wall 151 m behind that."""
+    """A gate of 300 m about the nominal range drops a strong wall 151 m behind it, not at 149 m."""
     for beyond, inside in ((149.0, True), (151.0, False)):
         _, range_ = received(rays([RANGE + beyond] * 9), cnr=CLEAN, threshold=100.0, still=True)
         assert np.isfinite(range_).all() == inside and np.isfinite(range_).any() == inside
@@ -83,7 +83,7 @@ def test_what_lies_beyond_the_gate_is_not_received():
 
 @pytest.mark.parametrize("range_sigma", [0.5, 1.0])
 def test_ranges_of_a_wall_have_the_error_of_the_sensor(range_sigma):
-    """Chi-square of 3,000 ranges at the level 1e-3, and no bias beyond 3.3 standard errors."""
+    """3,000 ranges pass a chi-square test at level 1e-3; bias is below 3.3 standard errors."""
     _, range_ = received(rays([RANGE + 0.3] * 9), cnr=CLEAN, range_sigma=range_sigma)
     off = range_ - RANGE - 0.3
     assert abs(off.mean()) < 3.3 * range_sigma / math.sqrt(COUNT)
@@ -95,11 +95,11 @@ def test_ranges_of_a_wall_have_the_error_of_the_sensor(range_sigma):
 
 @pytest.mark.parametrize("cnr", [3.0, 10.0, 30.0, 100.0])
 def test_false_ranges_and_dropouts_grow_as_the_target_fades(cnr):
-    """Against closed forms, within four standard errors of a count of 3,000 and 0.01.
+    """Fractions match closed forms within 0.01 and four standard errors of a count of 3,000.
 
-    The window about the wall holds the larger of the wall with its noise, an exponential of mean
-    1 + cnr, and of the other noise of 32 m; the gate's other 268 m give a false range where their
-    noise is larger still, and a dropout where all are below the threshold.
+    The peak in the window of 32 m about the wall is the larger of an exponential of mean 1 + cnr
+    and the noise of the rest of the window. A larger peak in the other 268 m of the gate gives a
+    false range; a dropout occurs where both peaks are below the threshold.
     """
     threshold, length = 7.0, flight().pulse_length
     intensity, range_ = received(rays([RANGE] * 9), cnr=cnr, threshold=threshold)

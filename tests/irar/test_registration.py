@@ -1,4 +1,4 @@
-"""Registration: where static points land, step by step and all at once, and what is left over."""
+"""Registration maps samples to the snapshot as exact geometry does, in steps and at once."""
 
 import math
 
@@ -18,7 +18,7 @@ ABEAM = np.linspace(-55.0, 55.0, 23)
 
 @st.composite
 def flights(draw):
-    """Passes of any heading that scan a little beside the ship."""
+    """Draw passes of any heading that point up to 1 deg beside the ship."""
     offset = draw(st.floats(-20, 20))
     return flight(
         aspect=draw(st.floats(0, 360)),
@@ -35,15 +35,15 @@ def flights(draw):
 
 
 def level(flown):
-    """Points of the waterline that lie level in the snapshot, abeam of the line of sight."""
+    """Return waterline points abeam of the line of sight, which are level in the snapshot."""
     right, _, _ = flown.snapshot_axes
     return ABEAM[:, None] * right
 
 
 def registered(flown, points, *, mirror="exact", azimuth="pixel"):
-    """Rows and columns that the steps give to points where endless lines meet them.
+    """Return rows and columns by the registration steps of points, where endless lines meet them.
 
-    Between samples the steps are interpolated: they are smooth.
+    The steps are smooth, so they are interpolated between samples.
     """
     time = crossing(flown, points)
     along = scanned_at(flown, points, time)[:, 0]
@@ -73,7 +73,7 @@ def registered(flown, points, *, mirror="exact", azimuth="pixel"):
 
 
 def true_places(flown, points):
-    """Rows, columns and ranges in the snapshot, in extended precision."""
+    """Return rows, columns and ranges of points in the snapshot, in extended precision."""
     right, up, away = np.moveaxis(seen_from(flown, points, 0.0), -1, 0)
     reach = np.sqrt(right**2 + up**2 + away**2)
     return [
@@ -82,14 +82,14 @@ def true_places(flown, points):
 
 
 def tilt(row, column, *, upright):
-    """Lean of a straight line [deg]: to the right of an upright one, rising of a level one."""
+    """Return the tilt of a line [deg]: an upright one to the right, a level one upwards."""
     x, y = (row, column) if upright else (column, row)
     return math.degrees(math.atan(np.polyfit(x, y, 1)[0]))
 
 
 @given(flights(), st.integers(0, 2**32))
 def test_the_steps_add_up_to_the_whole(flown, seed):
-    """Raw place, mirror and motion, to rounding: of 1e5 columns, 1e-10."""
+    """Raw place, mirror and motion add up to rounding, which is 1e-10 of 1e5 columns."""
     rng = np.random.default_rng(seed)
     time = rng.uniform(-3, 3, (4, SAMPLES))
     ranges = flown.slant_range + rng.uniform(-150, 150, time.shape)
@@ -108,7 +108,7 @@ def test_the_steps_add_up_to_the_whole(flown, seed):
 
 @given(flights(), st.integers(0, 2**32))
 def test_points_land_where_the_snapshot_sees_them(flown, seed):
-    """What a sample meets, by its time and range, against extended precision from speeds alone.
+    """Compare points at a sample's time and range with extended precision from the speeds alone.
 
     Coordinates of 30 km rounded in float64 are known to 1e-11 m: rows and columns to 1e-7 pixel.
     """
@@ -131,9 +131,9 @@ def test_points_land_where_the_snapshot_sees_them(flown, seed):
 
 @given(flights())
 def test_one_shift_is_the_derivative_of_the_exact_one(flown):
-    """Of the ship's origin, by central differences over 2 ms in extended precision.
+    """Compare with central differences over 2 ms of the ship's origin in extended precision.
 
-    The equation is that of a shift per scan with the line rate; `constant` uses it.
+    With the line rate the equation gives the shift per scan; method `constant` uses it.
     """
     step = 1e-3
     before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
@@ -149,7 +149,7 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
     assert shift == pytest.approx(shift_of_a_scan, abs=1e-5 * scale)
     rows = azimuth_shift(*courses, **geometry, rate=flown.line_rate, scans=flown.lines_per_pixel)
     assert rows == pytest.approx(shift * flown.lines_per_pixel)
-    # With a pulse rate that just serves the scan it is too small by the samples of a line.
+    # With the pulse rate of the scan it is smaller by a factor of the samples in a line.
     pulses = azimuth_shift(*courses, **geometry, rate=flown.line_rate * flown.samples)
     assert pulses * flown.samples == pytest.approx(shift)
     time = np.full((1, SAMPLES), 2.0)
@@ -161,12 +161,12 @@ def test_one_shift_is_the_derivative_of_the_exact_one(flown):
 
 @pytest.mark.parametrize("offset", [5.0, -5.0])
 def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
-    """Of a mast 30 m high and 45 m before the ship's origin: its lean against the truth.
+    """Compare the lean of a mast, 30 m high and 45 m before the ship's origin, with the truth.
 
-    None: the drift over the climb, 37 and 42 deg at time 0. One shift: some degrees, as range and
-    direction change while the ship passes. Each line's: that of the origin, which z behind it is
-    too large by drift z / R, and leaves x beside it the closing speed's x / R; with the two of one
-    sign 1 deg. Each pixel's: nothing.
+    Without a shift it leans by drift over climb, 37 and 42 deg at time 0. One shift leaves some
+    degrees, as range and direction change during the pass. A shift per line is exact at the origin
+    only: z behind it, it errs by drift z / R, and x beside it by x / R of the closing speed; with
+    equal signs these make 1 deg. A shift per pixel leaves no lean.
     """
     flown = flight(175.0, offset, samples=400, pulse_rate=1e6)
     mast = np.stack([45.0 + 0 * HEIGHTS, 0 * HEIGHTS, HEIGHTS], axis=-1)
@@ -189,12 +189,12 @@ def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
 @pytest.mark.parametrize("depression", [6.7, 15.0])
 @pytest.mark.parametrize("mirror_angle", [45.0, 35.0])
 def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror_angle):
-    """Lines lean by L, so that x of a level line takes x / cos L of samples and x tan L of climb.
+    """Lines lean by L: x of a level line spans x / cos L of samples and x tan L of climb.
 
-    Raw, the waterline rises by sin |L| a sample and the mast stands. The shear by the exact
-    reflection mends both; turned by L as a whole the waterline is level but for L^3 / 2, and the
-    mast leans. The printed shear leaves tan L_printed - sin L a sample: nothing at 45 deg, where
-    its small-angle form happens to be the sine.
+    Uncorrected, the waterline rises by sin |L| per sample and the mast is upright. The exact shear
+    corrects both. A rotation by L levels the waterline up to L^3 / 2 but tilts the mast. The
+    printed shear leaves tan L_printed - sin L per sample: zero at 45 deg, where its small-angle
+    form happens to equal the sine.
     """
     kind = {"samples": 400, "pulse_rate": 1e6, "slant_range": 20_000.0, "ifov": 4e-5}
     flown = flight(
@@ -224,7 +224,7 @@ def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror
 
 
 def test_a_track_beside_the_heading_is_what_moves_the_aircraft():
-    """The printed equation with the track for the heading: the drift across the line of sight."""
+    """With track in place of heading the printed equation gives the drift across the sight."""
     crabbing = flight(aircraft_track=3.0)
     time = np.array([[0.0, 1.0]])
     _, column, _ = registration.motion_displacement(

@@ -1,4 +1,4 @@
-"""A scan as it is recorded: trailing detectors, what averaging gains, jitter, and its metadata."""
+"""A recorded scan has trailing detectors and Markov attitude jitter of whole lines."""
 
 import math
 
@@ -13,7 +13,7 @@ from ncti.irar.scene import ScanPlan, scan_scene
 
 
 def test_detectors_trail_each_other_over_the_ship(ship, flown):
-    """Detector k sees at sample j the column j - k, before the first sample as well."""
+    """Detector k sees column j - k at sample j, also before the first sample."""
     scan = flown.noiseless()
     plan = flown.plan
     assert scan.infrared.shape == (12, plan.lines, 120)
@@ -29,7 +29,7 @@ def test_detectors_trail_each_other_over_the_ship(ship, flown):
 
 @pytest.mark.parametrize("jitter_time", [0.004, 0.1, 10.0])
 def test_attitude_wanders_as_a_markov_sequence(jitter_time):
-    """20,000 lines: deviation and correlation of neighbours, with 4 of their standard errors."""
+    """Deviation and lag-one correlation of 20,000 lines are within 4 standard errors."""
     flown_ = flight(jitter=2e-4, jitter_time=jitter_time)
     errors = draw_attitude_errors(ScanPlan(flown_, 0, 20_000), np.random.default_rng(2))
     correlation = math.exp(-1 / (119.0 * jitter_time))
@@ -44,7 +44,7 @@ def test_attitude_wanders_as_a_markov_sequence(jitter_time):
 
 
 def test_jitter_turns_whole_lines(ship):
-    """Returns of a pass are those of its plan with the attitude errors that its generator draws."""
+    """A pass has the returns of its plan with the attitude errors that its generator draws."""
     shaken = flight(175.0, jitter=3e-4, jitter_time=0.02)
     passed = fly(ship, shaken, rng=np.random.default_rng(6))
     errors = draw_attitude_errors(passed.plan, np.random.default_rng(6))

@@ -1,4 +1,4 @@
-"""What the beam meets: each line the ship as it then stands, all of it, and no ray for nothing."""
+"""The scene finds the hits of all rays while skipping sea samples; plans cover the whole ship."""
 
 import dataclasses
 
@@ -16,7 +16,7 @@ BOX = trimesh.creation.box((60.0, 9.0, 5.0)).apply_translation((0, 0, 2.5))
 
 
 def every_ray(mesh, plan, *, leading=0, attitude=None):
-    """Hits of all rays of a scan, cast at once: (line, column, ray) and distance."""
+    """Cast all rays of a scan at once, and return their hits, origins and directions."""
     flown = plan.flight
     columns = np.arange(-leading, flown.samples)
     time = plan.time(columns)[..., None]
@@ -33,7 +33,7 @@ def every_ray(mesh, plan, *, leading=0, attitude=None):
 @pytest.mark.parametrize("jitter", [False, True])
 @pytest.mark.parametrize("aspect", [175.0, 100.0])
 def test_samples_skipped_are_of_the_sea(aspect, jitter):
-    """The very hits, in the same order, that casting every ray of the scan gives."""
+    """The hits equal those of casting every ray of the scan, in the same order."""
     mesh = pole_on_box(60, 9, 5, 20)
     plan = plan_scan(mesh, flight(aspect, samples=150, line_rate=40))
     rng = np.random.default_rng(3)
@@ -63,8 +63,8 @@ def test_samples_skipped_are_of_the_sea(aspect, jitter):
 def test_a_plan_sees_the_whole_ship(aspect, offset, length, mast, **given_):
     """Every corner lies above the first line and below the last, and within the samples.
 
-    A margin of three pixels at the pace of the slowest corner is left below and above; the pace
-    changes a little within it, so that two and a half are asked for.
+    The plan leaves a margin of three pixels at the pace of the slowest corner below and above; as
+    the pace changes a little within it, the test requires two and a half.
     """
     mesh = pole_on_box(length, length / 9, length / 25, mast)
     flown = flight(aspect, offset, samples=9000, pulse_rate=1e9, range_gate=5000.0, **given_)
@@ -88,7 +88,7 @@ def test_a_plan_sees_the_whole_ship(aspect, offset, length, mast, **given_):
 
 
 def _samples_needed(mesh, flown):
-    """What a plan with too few samples says."""
+    """Return the number of samples that the error of a plan with too few asks for."""
     scarce = dataclasses.replace(flown, samples=2, pointing=None)
     with pytest.raises(ValueError, match="samples is 2, but must be at least") as refused:
         plan_scan(mesh, scarce)

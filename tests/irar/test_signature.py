@@ -1,4 +1,4 @@
-"""Measured images gathered into wider beams: area, places, and the profiles that follow."""
+"""Measured images gathered into wider beams keep area and range, and give the same profiles."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from ncti.render import range_image
 
 
 def plate(flown, *, rows, columns, distance, intensity, spacing):
-    """A snapshot in which every pixel sees the same."""
+    """Return a snapshot whose pixels are all equal."""
     row = np.arange(round(rows / spacing)) * spacing
     shape = len(row), columns
     return Snapshot(

@@ -1,4 +1,4 @@
-"""Tilt of a corrected image: known shears of rendered ships come back."""
+"""The tilt of a corrected image recovers known shears of rendered ships."""
 
 import math
 
@@ -19,7 +19,7 @@ SEA = 0.01  # 20 dB below a face that looks at the sensor
 
 @pytest.fixture(scope="module", params=["roberts", "connole"])
 def truth(request):
-    """A frigate near stern in the middle of SHAPE, as bright as it faces the sensor."""
+    """Return a frigate near stern in the middle of SHAPE, bright by the cosine of incidence."""
     view = range_image(
         ships.load(request.param),
         aspect=175,
@@ -33,7 +33,7 @@ def truth(request):
 
 
 def centred(values, shape):
-    """A bright image on dark ground of `shape` pixels."""
+    """Return the image centred on a dark ground of `shape` pixels."""
     ground = np.zeros((shape[0] * CELLS, shape[1] * CELLS))
     top, left = ((a - b) // 2 for a, b in zip(ground.shape, values.shape, strict=True))
     ground[top : top + values.shape[0], left : left + values.shape[1]] = values
@@ -46,7 +46,7 @@ def averaged(cells, factor=CELLS):
 
 
 def sheared(cells, mast, waterline):
-    """Pixels of the leaning ship, gathered: where each comes from in the truth, and its mean."""
+    """Return the sheared ship: each pixel is the mean of its source in the truth."""
     m, w = math.tan(math.radians(mast)), math.tan(math.radians(waterline))
     inverse = np.linalg.inv([[1.0, w], [m, 1.0]])
     middle = (np.array(cells.shape) - 1) / 2
@@ -55,7 +55,7 @@ def sheared(cells, mast, waterline):
 
 
 def speckled(image, rng):
-    """The mean of exponential looks, upon a sea of noise."""
+    """Return the mean of exponential looks at the image on noisy sea."""
     ship, sea = rng.standard_gamma(LOOKS, (2, *image.shape)) / LOOKS
     return image * ship + SEA * sea
 
@@ -81,7 +81,7 @@ def test_coarser_truth_is_as_good_as_said(truth):
 
 
 def test_speckle_leaves_what_the_standard_error_says(truth):
-    """12 images of 10 looks at 20 dB: masts within 0.2 deg each, both as wide as their errors.
+    """Check 12 images of 10 looks at 20 dB: masts within 0.2 deg, errors as stated.
 
     Squared errors over squared standard errors sum to a chi-squared of 12 degrees, which
     exceeds its bound once in 10,000 times. The standard error may be twice too large.

@@ -1,4 +1,4 @@
-"""Time delay and integration: the right columns, sqrt(12), and why delays are whole."""
+"""Time delay and integration averages the columns that its definition names."""
 
 import numpy as np
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Range images with known closed forms, made without any renderer."""
+"""Range images of plates with known closed forms, made without a renderer."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from ncti.render.view import ROLL
 
 
 def plane(*, width, height, slope=(0.0, 0.0), offset=0.0, pixel=0.25, roll=ROLL, slant_range=None):
-    """A rectangular plate about the line of sight, r = offset + slope . (horizontal, vertical)."""
+    """Return a rectangular plate with r = offset + slope . (horizontal, vertical)."""
     side = int(np.ceil(np.hypot(width, height) / pixel)) + 4
     blank = RangeImage(
         np.zeros((side, side)),

@@ -1,4 +1,4 @@
-"""Range extent: closed forms, conservation, symmetry, and the refusals."""
+"""Range extents agree with closed forms, conserve area, mirror, and bound their errors."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from studies.run_time.accuracy import extent_errors
 
 
 def plain_boxes(group, start, stop, area, group_count, bin_count):
-    """The definition: the overlap of every box with every bin, one at a time."""
+    """Return the overlap of every box with every bin by the definition, one at a time."""
     out = np.zeros((group_count, bin_count))
     for g, a, b, w in zip(group, start, stop, area, strict=True):
         lo, hi = np.arange(bin_count), np.arange(bin_count) + 1
@@ -43,14 +43,14 @@ def test_binning_is_the_overlap_of_every_box_with_every_bin(seed, widest):
 
 @pytest.mark.parametrize("ifov", [50e-6, 150e-6])
 def test_a_tilted_plate_fills_its_bins_evenly(ifov):
-    # r = 2 h: 40 m of plate span 80 m of range, so a bin sees 0.5 m x 12 m of it. The wavefront
+    # As r = 2 h, 40 m of plate span 80 m of range: a bin sees 0.5 m x 12 m of it. The wavefront
     # curvature of 10,000 km is 20 um.
     extent = range_extent(
         plane(width=40, height=12, slope=(2.0, 0.0)), slant_range=1e7, ifov=ifov / 100
     )
     inside = np.abs(extent.down_range) < 38
     area = extent.fraction.sum(axis=0) * (ifov * 1e5) ** 2
-    # 6 m^2 are 96 pixels of a rolled lattice, whose count in a strip errs by about one in a row
+    # 6 m^2 are 96 pixels of a rolled lattice; the count in a strip errs by about one per row
     np.testing.assert_allclose(area[inside], 6.0, rtol=0.05)
     assert area[inside].mean() == pytest.approx(6.0, rel=2e-3)
     assert np.all(area[np.abs(extent.down_range) > 42] == 0)
@@ -69,7 +69,7 @@ WHOLE = [(1.0, 0.0), (-2.0, 3.0), (0.0, 1000.0)]
 
 
 def sights():
-    """A box seen along lines, and a tilted plate seen by pixels."""
+    """Return a box seen along lines, and a tilted plate seen by pixels."""
     box = trimesh.creation.box(bounds=[[-40, -9, 0], [35, 8, 14]])
     return line_image(box, aspect=40.0, depression=9.0), plane(width=71, height=13, slope=(0.9, 2))
 
@@ -78,7 +78,7 @@ def sights():
 @pytest.mark.parametrize("whole", WHOLE)
 @pytest.mark.parametrize("start", [(0.31, 0.77)])
 def test_a_whole_ifov_further_is_the_same_but_for_the_numbers_of_cells(image, whole, start):
-    """Places in an IFOV are rounded at 1e-13 a thousand of them away: 1e-10 of a fraction."""
+    """A thousand IFOVs away places are rounded at 1e-13, so fractions agree to 1e-10."""
     moved = (start[0] + whole[0], start[1] + whole[1])
     near, far = (range_extent(image, slant_range=1e5, shift=shift) for shift in (start, moved))
     assert (near.shift, far.shift) == (start, moved)
@@ -90,7 +90,7 @@ def test_a_whole_ifov_further_is_the_same_but_for_the_numbers_of_cells(image, wh
 @settings(max_examples=15, deadline=None)
 @given(st.tuples(*[st.floats(-3, 3)] * 2))
 def test_a_shift_moves_what_ifovs_hold_and_not_their_sum(image, shift):
-    """Wavefronts are flat: along a line their curvature is followed by chords between borders."""
+    """The range makes wavefronts flat, as chords between borders would approximate curved ones."""
     flat = {"slant_range": 1e11, "ifov": 15 / 1e11}
     still = range_extent(image, **flat)
     moved = range_extent(image, **flat, shift=shift)
@@ -137,7 +137,7 @@ def test_a_mirrored_shift_is_that_of_the_mirrored_face():
 
 @pytest.mark.parametrize("spread", [0.25, 0.5, 1.0])
 def test_a_row_is_spread_over_that_share_of_its_range(spread):
-    """The outermost rows of a deck, 0.25 m high, end half a spread row beyond their middles."""
+    """The outermost rows of a deck, 0.25 m high, reach half a spread row beyond their middles."""
     slope = 1 / np.tan(np.radians(3.84))
     deck = plane(width=20, height=3, slope=(0.0, slope), roll=0.0)
     fine = {"slant_range": 1e8, "ifov": 150e-9, "bin_width": 0.05, "window": 100.0}
@@ -164,7 +164,7 @@ def test_an_image_of_another_range_is_refused():
 
 @pytest.mark.parametrize(("slant_range", "error"), [(1e3, 0.088), (4e3, 0.022), (25e3, 0.0035)])
 def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(slant_range, error):
-    """The error is known of finer views at the range itself, by lines and by the reference."""
+    """The expected errors come from finer lines and the reference, both at the range itself."""
     view = {"aspect": 20.3, "depression": 3.84}
     texas = ncti.ships.load("texas")
     binning = {"slant_range": slant_range, "ifov": 1e3 / slant_range}
@@ -182,7 +182,7 @@ def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(slant_range
 
 @pytest.mark.parametrize(("ship", "aspect"), [("duncan", 90.0), ("texas", 92.0)])
 def test_the_bound_of_a_far_field_view_holds_abeam(ship, aspect):
-    """Where little lies before and behind the ship origin, and the ends across turn by s / R."""
+    """Abeam, the ship has little extent in range, and its ends across turn by s / R."""
     view = {"aspect": aspect, "depression": 3.84}
     mesh, binning = ncti.ships.load(ship), {"slant_range": 4e3, "ifov": 15 / 4e3}
     approximate, exact = (
@@ -196,7 +196,7 @@ def test_the_bound_of_a_far_field_view_holds_abeam(ship, aspect):
 
 
 def test_a_body_that_is_seen_at_its_reach_alone_errs_by_twice_reach_over_range():
-    """The area of a plate that faces the sensor is (1 + r / R)^-2 of that in the far field."""
+    """A facing plate at range r has (1 + r / R)^-2 of its far-field area."""
     plate = trimesh.creation.box((0.02, 8.0, 8.0)).apply_translation((-70.0, 0.0, 0.0))
     view, binning = {"aspect": 0, "depression": 0}, {"slant_range": 7e3, "ifov": 1e3 / 7e3}
     far, near = (

@@ -1,4 +1,4 @@
-"""Frames do not depend on how many are drawn with them, and are those of the plain computation."""
+"""Sampled frames do not depend on the number drawn, and agree with the plain computation."""
 
 from dataclasses import replace
 from itertools import product
@@ -17,7 +17,7 @@ COUNTS = st.integers(1, 100)
 
 
 def extent(*, bins, ifovs, bin_width=1.0):
-    """IFOVs filled over some bins each, as by a sloping deck."""
+    """Return IFOVs filled over some bins each, as by a sloping deck."""
     rng = np.random.default_rng(bins)
     fraction = np.zeros((ifovs, bins))
     for row in fraction:
@@ -41,7 +41,7 @@ def drawn(target, count, *, target_free_ifovs=0, receiver="full_profile"):
     )
 
 
-# 500 bins: there the last bit of a product of 4 rows is not that of 32, and of 1 row anywhere.
+# With 500 bins the last bit of a product of 4 rows differs from that of 32 rows.
 @settings(max_examples=10, deadline=None)
 @given(counts=st.tuples(COUNTS, COUNTS), target_free_ifovs=st.sampled_from([0, 3, 100, 4000]))
 @example(counts=(1, 33), target_free_ifovs=4000)
@@ -80,7 +80,7 @@ def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
     streamed = ladar.cumulative_average(blocks_of(most, bins=bins), counts)
     np.testing.assert_array_equal(streamed, ladar.cumulative_average(frames, counts))
     plain = [frames[:count].mean(axis=0) for count in counts]
-    # Sums of `most` terms, in whatever order: as many roundings, of float64, at most.
+    # Sums of `most` terms, in any order, have at most as many float64 roundings.
     np.testing.assert_allclose(streamed, plain, rtol=most * np.finfo(float).eps)
 
 
@@ -94,7 +94,7 @@ def test_averages_that_cannot_be_are_refused(counts, message):
 
 
 def assert_equal_but_for_rounding(frames, expected):
-    """A field is a sum of some hundred terms: some ten units in the last place of the largest."""
+    """Check equality within some units of the last place, as fields sum some hundred terms."""
     assert np.abs(frames - expected).max() < 16 * np.finfo(np.float32).eps * expected.max()
 
 
@@ -124,7 +124,7 @@ def test_an_ifov_more_adds_its_own_waveform_alone(receiver):
 
 
 def normals(key, frame, cell, numbers):
-    """The normals of two quadratures at some numbers of one stream."""
+    """Return the normals of two quadratures at some numbers of one stream."""
     stream, out = np.empty((1, 1), dtype=np.uint64), np.empty((1, 2, len(numbers)), np.float32)
     put_streams(key, frame, np.array([cell]), stream)
     draw_places(key, stream, np.array([0, len(numbers)]), numbers, out)
@@ -132,7 +132,7 @@ def normals(key, frame, cell, numbers):
 
 
 def whole_factor(noise):
-    """All rows of the factor of the noise, in all bins."""
+    """Return all rows of the noise factor, in all bins."""
     halves = (noise.even, 1), (noise.odd, -1)
     return np.concatenate(
         [np.hstack([rows, sign * rows[:, : noise.bins // 2][:, ::-1]]) for rows, sign in halves]
@@ -140,7 +140,7 @@ def whole_factor(noise):
 
 
 def plain_frames(target, count, *, pulse_width, cnr, target_free_ifovs, rng):
-    """Equations A and B in float64: every bin of every IFOV, by one product with whole factors."""
+    """Return frames by Equations A and B in float64, with one product per IFOV and frame."""
     bins = target.down_range.size
     pulse = Pulse(pulse_width, target.bin_width)
     noise = whole_factor(ladar.fields.Noise.of(pulse, bins))
@@ -162,7 +162,7 @@ def plain_frames(target, count, *, pulse_width, cnr, target_free_ifovs, rng):
 @pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
 @pytest.mark.parametrize("cnr", [0.0, 1e3, 1e10])
 def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
-    """Of equal normals: the plain computation, but for the rounding of float32."""
+    """With equal normals frames agree with the plain computation within float32 rounding."""
     target = extent(bins=bins, ifovs=3)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": 2}
     ours = ladar.sample_frames(target, frame_count=5, rng=np.random.default_rng(8), **parameters)
@@ -173,10 +173,10 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
 @pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 30e-9, 1e-6])
 @pytest.mark.parametrize("bins", [1, 2, 7, 250, 1001])
 def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
-    """As many rows, and the same covariance.
+    """The factor has as many rows as eigenvectors, within two, and the same covariance.
 
-    Each way drops at most 1e-6 of the largest eigenvalue, the decomposition with pivots at most a
-    tenth of that besides, and both round to float32.
+    Either drops at most 1e-6 of the largest eigenvalue, the pivoted decomposition at most a tenth
+    of that in addition, and both round to float32.
     """
     pulse = Pulse(pulse_width, 1.0)
     factor = whole_factor(ladar.fields.Noise.of(pulse, bins))
@@ -184,12 +184,12 @@ def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
     values = np.linalg.eigvalsh(covariance)
     error = np.abs(np.linalg.eigvalsh(factor.T @ factor - covariance)).max()
     assert error < (1.1e-6 + 4 * np.finfo(np.float32).eps) * values[-1]
-    # Of even and odd rows the largest eigenvalues differ, and with them what is negligible.
+    # Even and odd rows have different largest eigenvalues, hence different cut-offs.
     assert abs(len(factor) - np.count_nonzero(values > 1e-6 * values[-1])) <= 2
 
 
 def test_fine_bins_take_no_more_normals():
-    """Bins of 5 cm hold the band of bins of 1 m, so their noise has as many degrees of freedom."""
+    """Noise in 5 cm bins has the bandwidth, so the degrees of freedom, of that in 1 m bins."""
     fine, coarse = (ladar.fields.Noise.of(Pulse(30e-9, 200 / bins), bins) for bins in (4000, 200))
     assert len(fine.even) + len(fine.odd) <= len(coarse.even) + len(coarse.odd) + 4
 
@@ -199,10 +199,10 @@ def test_fine_bins_take_no_more_normals():
     ("pulse_width", "bin_width"), [(10e-9, 0.5), (10e-9, 1.0), (30e-9, 1.0), (50e-9, 1.0)]
 )
 def test_covariance_of_what_is_drawn(pulse_width, bin_width, target_free_ifovs):
-    """All of it, of 120 bins, by the variances along 200 directions of 10,000 frames at 1e-3.
+    """Test variances along 200 directions in 120 bins of 10,000 frames at level 1e-3.
 
-    Directions are 100 random ones and 100 eigenvectors of the exact covariance, from those that
-    the band limit leaves whole to those that it all but cuts off.
+    Directions are 100 random ones and 100 eigenvectors of the exact covariance, from those within
+    the band to those that the band limit nearly removes.
     """
     level, count, bins = 1e-3, 10_000, 120
     target = extent(bins=bins, ifovs=3, bin_width=bin_width)

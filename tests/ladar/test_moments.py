@@ -1,4 +1,4 @@
-"""The banded covariance of a frame against the matrices of Equations A and B, written plainly."""
+"""The banded covariance of a frame agrees with the full matrices of Equations A and B."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ PULSES = [10e-9, 30e-9, 50e-9]
 
 
 def view(name: str, bin_width: float = 1.0) -> RangeExtent:
-    """What a closed form may stumble on: a slope, an edge of the window, nothing, two spikes."""
+    """Return a hard case by name: a slope, an edge of the window, nothing, or two spikes."""
     bins = round(120 / bin_width)
     fraction = np.zeros((3, bins))
     if name == "slope":
@@ -39,7 +39,7 @@ def view(name: str, bin_width: float = 1.0) -> RangeExtent:
 
 
 def plain_moments(extent, *, pulse_width, cnr, target_free_ifovs=0):
-    """One matrix an IFOV: no bin and no lag left out."""
+    """Return the moments with a full matrix per IFOV, without dropping bins or lags."""
     pulse, bins = Pulse(pulse_width, extent.bin_width), extent.down_range.size
     kernel, noise = target_kernel(pulse, bins), noise_covariance(pulse, bins)
     fields = [cnr * (kernel * beta) @ kernel.T + noise for beta in extent.density]
@@ -56,11 +56,11 @@ def plain_moments(extent, *, pulse_width, cnr, target_free_ifovs=0):
 @pytest.mark.parametrize("pulse_width", PULSES)
 @pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
 def test_the_band_leaves_out_nothing_that_counts(name, pulse_width, cnr, target_free_ifovs):
-    """Mean to rounding, as Equation C has it; variance alone, as a summand of the covariance.
+    """The mean agrees with Equation C to rounding; the variance with the covariance's diagonal.
 
-    The covariance is within NEGLIGIBLE of the noise an IFOV, and rounding. That is of sums of up
-    to 4,000 terms in another order, and of the kernel's product over the window: some hundred
-    units in the last place of the largest variance.
+    The covariance is within NEGLIGIBLE of the noise per IFOV, and rounding. Sums of up to 4,000
+    terms in another order, and the kernel's product over the window, round by some hundred units
+    in the last place of the largest variance.
     """
     extent = view(name)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": target_free_ifovs}
@@ -91,10 +91,10 @@ def test_frames_average_and_bins_of_another_width(bin_width):
 
 @pytest.mark.parametrize("correlation", [1e-6, 1e-3, 0.03, 0.0999, 0.1001, 0.3, 0.7, 0.95])
 def test_covariance_of_two_magnitudes_is_its_power_series(correlation):
-    """(pi/2) sum over k of (binomial(1/2, k) rho^k)^2, on both sides of rho^2 = 0.01.
+    """It is (pi/2) sum over k of (binomial(1/2, k) rho^k)^2, on both sides of rho^2 = 0.01.
 
-    Below it three terms stand for the series, off by 4 (5/128)^2 m^3 = 6.1e-9 of the first at
-    most. Above it differences of numbers of order 1 are taken: some units in the last place.
+    Below it three terms replace the series, off by 4 (5/128)^2 m^3 = 6.1e-9 of the first at most.
+    Above it differences of numbers of order 1 lose some units in the last place.
     """
     terms = special.binom(0.5, np.arange(1, 2000)) ** 2 * correlation ** np.arange(2, 4000, 2)
     series = np.pi / 2 * terms.sum()

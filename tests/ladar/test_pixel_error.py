@@ -1,4 +1,4 @@
-"""The error that a range image states: against lines, and against images of a quarter of it."""
+"""The stated error of a range image bounds its true error, computed from fine lines."""
 
 import math
 
@@ -31,7 +31,7 @@ def extent(image, slant_range, **options):
 
 @pytest.fixture(scope="module")
 def seen():
-    """Slant range of each view, its lines 1/64 m apart, and its images by two pixels."""
+    """Return for each view its slant range, lines 1/64 m apart, and images of two pixel sizes."""
     views = []
     for name, aspect, depression, slant_range in VIEWS:
         ship = ncti.ships.load(name)
@@ -46,10 +46,10 @@ def seen():
     [(0.5, "projected_area"), (1.0, "projected_area"), (0.0, "lambertian")],
 )
 def test_the_bound_covers_the_error_and_is_not_much_larger(seen, spread, reflectance):
-    """Of 24 bounds that each hold in 95 of 100 cases, more than three fail with 3 % probability.
+    """If 24 bounds hold in 95 of 100 cases each, more than three fail with 3 % probability.
 
-    The lines err less than a hundredth as much. In the median bounds are at most 2.5 times the
-    error; they are 1.7 times it on other views, and here each bound counts twice, by pulse.
+    The lines err less than a hundredth as much. The median bound is at most 2.5 times the error;
+    on other views it is 1.7 times. Each bound counts twice, with and without pulse.
     """
     ratios = []
     for slant_range, lines, images in seen:
@@ -64,7 +64,7 @@ def test_the_bound_covers_the_error_and_is_not_much_larger(seen, spread, reflect
 
 
 def every_second(image, row, column):
-    """The image of every second row and column, of pixels twice as wide."""
+    """Return the image of every second row and column, with pixels twice as wide."""
     return RangeImage(
         image.down_range[row::2, column::2],
         image.gradient[row::2, column::2],
@@ -92,8 +92,11 @@ def test_strands_are_the_extents_of_every_second_row_and_column(reflectance):
 
 
 def test_the_error_is_the_difference_of_quarters_from_the_whole():
-    """Two of four quarters have twice the first bin and none of the second, two the reverse: they
-    differ by the extent itself in each bin, and the bound is 0.6 of that, pulse or not."""
+    """The bound is 0.6 of the quarters' difference from the whole, with and without pulse.
+
+    Two of four quarters have twice the first bin and none of the second, two the reverse, so they
+    differ by the extent itself in each bin.
+    """
     strands = np.array([[2, 0], [2, 0], [0, 2], [0, 2]]) / 4
     assert pixel_error(strands, np.ones(2), 0.0, bin_width=1.0) == pytest.approx(0.6)
     assert pixel_error(9 * strands, 9 * np.ones(2), 0.0, bin_width=1.0) == pytest.approx(0.6)

@@ -1,4 +1,4 @@
-"""Expected profiles and sampled frames against the closed forms of the model."""
+"""Expected profiles and sampled frames agree with the closed forms of the model."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ CNR = 10**3.2
 
 @pytest.fixture(scope="module")
 def stepped():
-    """Two plates and a slope: a handful of IFOVs with empty, sharp and extended returns."""
+    """Return extents of a sloping plate over a few IFOVs, by bin width."""
     return {
         width: ladar.range_extent(
             plane(width=38, height=14, slope=(1.7, 0.4), offset=3.0),
@@ -33,7 +33,7 @@ def stepped():
 @pytest.mark.parametrize("bin_width", [0.25, 0.5, 1.0])
 @pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
 def test_equation_c_for_one_bin(pulse_width, bin_width):
-    """A face square to the line of sight, filling its IFOVs, in Equation C as printed."""
+    """A face square to the line of sight gives Equation C as printed."""
     face = plane(width=30, height=30, offset=0.6)
     extent = ladar.range_extent(face, slant_range=1e8, ifov=150e-9, bin_width=bin_width)
     (bin_index,) = np.flatnonzero(extent.fraction.sum(axis=0))
@@ -49,7 +49,7 @@ def test_equation_c_for_one_bin(pulse_width, bin_width):
 
 
 def test_noise_is_white_noise_through_the_matched_filter():
-    """Its intensity falls to 1/e^2 at half the pulse width: the integral of h(x) h(x - l)."""
+    """The covariance is the integral of h(x) h(x - l); intensity is 1/e^2 at half the width."""
     length = SPEED_OF_LIGHT * 30e-9 / 2
     x, step = np.linspace(-60, 60, 24001, retstep=True)
     filters = [np.exp(-4 * ((x - lag) / length) ** 2) / length**0.5 for lag in range(12)]
@@ -72,7 +72,7 @@ def test_a_pulse_too_short_for_the_bins_is_told(stepped):
 
 
 def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, monkeypatch):
-    """The short cut against the plain computation: moments, and a KS test at level 1e-3."""
+    """Compare the short cut with the plain computation: variances, and KS tests at level 1e-3."""
     parameters = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": 120}
     shortcut = ladar.sample_frames(
         stepped[1.0], frame_count=400, rng=np.random.default_rng(5), **parameters
@@ -99,7 +99,7 @@ def test_a_ratio_too_large_for_any_receiver_is_refused():
 def test_carrier_to_noise_of_a_filled_beam():
     assert ladar.carrier_to_noise(1e5) == pytest.approx(10**3.2)
     assert ladar.carrier_to_noise(50e3) == pytest.approx(4 * 10**3.2)
-    # 0.1 dB/km one way over 50 km less, both ways: 10 dB
+    # 0.1 dB/km over 50 km less, two-way: 10 dB
     assert ladar.carrier_to_noise(50e3, extinction=1e-4) == pytest.approx(40 * 10**3.2)
 
 
@@ -108,7 +108,7 @@ def test_carrier_to_noise_of_a_filled_beam():
 def test_at_the_faintest_signal_some_steps_of_single_precision_are_left_of_a_ship(
     ship, pulse_width
 ):
-    """From every side; at a thirtieth of it none of some views."""
+    """This holds from every side; at a thirtieth of the signal some views are flat."""
     mesh, sight = ncti.ships.load(ship), {"slant_range": 100e3, "ifov": 150e-6}
     least = faintest_ratio(mesh.extents, **sight, target_free_ifovs=4000)
 

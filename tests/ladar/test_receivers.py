@@ -1,4 +1,4 @@
-"""First- and peak-pulse receivers beside the full profile."""
+"""First- and peak-pulse receivers keep the right pulses, at the stated false-alarm rate."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def test_each_receiver_keeps_what_its_name_says():
 
 
 def test_false_alarm_rate_of_the_first_pulse_threshold():
-    """Noise of one IFOV in one bin: a binomial test of 1 % over 60,000 frames at 1e-3."""
+    """Binomial test at 1e-3 of a 1 % rate over 60,000 frames of one noisy bin of one IFOV."""
     extent = range_extent(plane(width=4, height=4), slant_range=1e5, window=40.0)
     extent = replace(extent, fraction=extent.fraction[:1], cell=extent.cell[:1])
     frames = sample_frames(

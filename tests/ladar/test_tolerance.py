@@ -1,4 +1,4 @@
-"""Extents to a tolerance: as of the lines, and the bound on their error."""
+"""Extents to a tolerance equal those of the lines, and bound their error."""
 
 import math
 from dataclasses import replace
@@ -32,7 +32,7 @@ def test_an_extent_is_that_of_the_lines(pulse_width, slant_range):
 
 @pytest.mark.parametrize("tolerance", [0.01, 0.001])
 def test_bounds_are_within_seven_tenths_of_the_tolerance(tolerance):
-    """What is left covers the few errors that exceed their bound."""
+    """The remaining margin covers the few errors that exceed their bound."""
     options = {"pulse_width": 20e-9, "tolerance": tolerance}
     for aspect in range(5, 365, 30):
         view = View(aspect, depression=4, slant_range=20e3)

@@ -1,4 +1,4 @@
-"""Constants that no other test pins: each from the physics that gives it."""
+"""Constants that no other test covers agree with the physics that determines them."""
 
 import math
 
@@ -11,7 +11,7 @@ from ncti.render import line_image
 
 
 def test_the_long_wave_band_loses_half_a_decibel_a_kilometre():
-    """Small contrasts of radiance fall by Beer's law: 2 dB over 4 km, 5 dB over 10 km."""
+    """Small radiance contrasts fall by Beer's law, 2 dB over 4 km and 5 dB over 10 km."""
     near, middle, far = (
         band_contrast(distance, contrast_at_zero=1e-4) for distance in (0.0, 4e3, 10e3)
     )
@@ -21,10 +21,10 @@ def test_the_long_wave_band_loses_half_a_decibel_a_kilometre():
 
 
 def test_plates_of_a_gentle_curve_keep_their_ranges():
-    """An arch of 100 plates, each 8 urad from the next: a sagitta of 1 cm in 100 m.
+    """An arch of 100 plates, each 8 urad from the next, has a sagitta of 1 cm in 100 m.
 
-    From above, on lines along the arch, a place is as far as it is below the crown, k x^2 / 2.
-    One plane through all plates would be a centimetre off, a plate's chord k w^2 / 8 = 1 um.
+    From above, on lines along the arch, range is the depth below the crown, k x^2 / 2. One plane
+    through all plates would be off by a centimetre, a plate's chord by k w^2 / 8 = 1 um.
     """
     bend, plates = 8e-6, 100  # [1/m], plates of 1 m
     x = np.arange(plates + 1) - plates / 2

@@ -1,4 +1,4 @@
-"""Statistics of speckle and shot noise that any coherent receiver must show."""
+"""Speckle and shot noise have the statistics of any coherent receiver."""
 
 import math
 
@@ -22,7 +22,7 @@ FACE = 32  # the bin that holds the target
 
 
 def filled_ifov(count: int = 1) -> RangeExtent:
-    """IFOVs filled by a face square to the line of sight."""
+    """Return IFOVs filled by a face square to the line of sight."""
     fraction = np.zeros((count, 64))
     fraction[:, FACE] = 1.0
     cell = np.stack([np.arange(count), np.zeros(count, int)], axis=1)
@@ -41,7 +41,7 @@ def draw(count: int = 1, *, cnr: float = 1e3, frames: int = FRAMES, seed: int = 
 
 @pytest.mark.parametrize("bin_index", [FACE, FACE + 3, 2])
 def test_amplitude_of_one_ifov_is_rayleigh(bin_index):
-    """Kolmogorov-Smirnov over 20,000 frames at 1e-3, on target, its flank, and noise."""
+    """20,000 frames pass a Kolmogorov-Smirnov test at 1e-3 on target, flank and noise."""
     amplitude = draw()[:, bin_index]
     # Its mean is Equation C: sigma sqrt(pi / 2).
     n_z = 299_792_458.0 * 30e-9 / math.sqrt(2)
@@ -72,10 +72,10 @@ def test_magnitude_covariance_has_its_limits():
 @pytest.mark.parametrize("nanoseconds", [10, 20, 30, 40, 50, 90, 300])
 @pytest.mark.parametrize("bins", [7, 250, 251])
 def test_rounding_of_the_pulse_width_keeps_the_noise(nanoseconds, bins):
-    """Eigenvectors have no sign of their own; that of ours is fixed.
+    """The sign of eigenvectors is arbitrary and therefore fixed by a rule.
 
-    Rounding of 2e-16 turns modes by that over the least distance of two eigenvalues, which is some
-    2 (2 pi / bins)^2 of them: 2e-13 of the amplitude, below the rounding to float32.
+    Rounding of 2e-16 rotates modes by this over the least distance of two eigenvalues, a share of
+    some 2 (2 pi / bins)^2: 2e-13 of the amplitude, below the rounding to float32.
     """
     rounded = [30e-9 * (nanoseconds / 30), nanoseconds * 1e-9]
     rounded += [np.nextafter(rounded[1], 0), np.nextafter(rounded[1], 1)]
@@ -90,9 +90,9 @@ def test_rounding_of_the_pulse_width_keeps_the_noise(nanoseconds, bins):
 @pytest.mark.parametrize("pulse_width", [1e-9, 10e-9, 30e-9, 300e-9])
 @pytest.mark.parametrize("bins", [1, 7, 250])
 def test_filtered_noise_has_the_covariance_of_a_target_free_ifov(pulse_width, bins):
-    """The correlation that a transfer function gives white noise is its square's transform.
+    """White noise is correlated by the transform of the squared transfer function.
 
-    It is rounded to float32, and magnitudes are correlated with a relative error of 6e-9.
+    The filter is rounded to float32; the magnitudes' covariance has a relative error of 6e-9.
     """
     pulse = Pulse(pulse_width, 1.0)
     wanted = magnitude_covariance(noise_covariance(pulse, bins))

@@ -1,4 +1,4 @@
-"""Engines: the choice among them, what they refuse, and that they draw the same image."""
+"""Render engines are chosen or refused with clear messages, and draw the same image."""
 
 import json
 import subprocess
@@ -31,7 +31,7 @@ mast = trimesh.creation.cylinder(0.3, 20, sections=12).apply_translation((5, 0, 
 ship = trimesh.util.concatenate([ball, hull, mast])
 view = {"aspect": 33.0, "depression": 7.0}
 """
-# What was imported before serves all scripts; each runs and ends as a process does.
+# All scripts share the imports of the server; each runs in a forked process of its own.
 SERVER = (
     PRELUDE
     + """
@@ -51,7 +51,7 @@ for line in sys.stdin:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Output of a script in a process of its own, where OpenGL is bound to nothing yet."""
+    """Return a function that runs a script in a process without OpenGL, and returns its output."""
     output = tmp_path_factory.mktemp("scripts") / "output"
     with subprocess.Popen(
         [sys.executable, "-c", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -71,7 +71,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture
 def present(monkeypatch):
-    """Sets which engines' libraries seem to be there, on a process not yet bound to a platform."""
+    """Return a function that sets the engines that seem installed, in an unbound process."""
 
     def these(*names):
         monkeypatch.setattr(choice, "_is_present", names.__contains__)

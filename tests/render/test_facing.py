@@ -1,4 +1,4 @@
-"""Facets that face away are not seen, and rays pass through them: open and reversed meshes."""
+"""Facets that face away are invisible and let rays pass, in open and reversed meshes."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def area(mesh, engine="embree", **view):
 
 
 def without(mesh, *normals):
-    """A mesh without the facets of some normals."""
+    """Return a mesh without the facets of some normals."""
     gone = np.isclose(mesh.face_normals @ np.array(normals, float).T, 1).any(axis=1)
     opened = mesh.copy()
     opened.update_faces(~gone)
@@ -43,7 +43,7 @@ def box():
     ],
 )
 def test_an_open_box_shows_what_faces_the_sensor(box, gone, seen, slant_range):
-    """From the bow, 20 degrees above: sums of w h cos(d) and w l sin(d), within the outline."""
+    """From the bow, 20 degrees above, areas are sums of w h cos(d) and w l sin(d)."""
     view = {"aspect": 0.0, "depression": 20.0, "slant_range": slant_range}
     mesh = without(box, *gone) if gone else box
     outline = 4 * (LENGTH + WIDTH + HEIGHT)
@@ -61,7 +61,7 @@ def test_a_reversed_triangle_is_not_there():
 
 
 def test_rays_go_on_behind_what_they_pass(box):
-    """Through three walls that face away onto a fourth, at its exact distance."""
+    """Rays pass three walls that face away and hit a fourth at its exact distance."""
     walls = [trimesh.creation.box((1, 9, 9)).apply_translation((x, 0, 0)) for x in (0, -10, -20)]
     opened = [without(wall, (1, 0, 0)) for wall in walls]
     target = trimesh.creation.box((1, 9, 9)).apply_translation((-30, 0, 0))
@@ -75,7 +75,7 @@ def test_rays_go_on_behind_what_they_pass(box):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_soups_of_facets_are_seen_as_by_a_search_of_all(seed):
-    """Triangles anywhere, either way round: the nearest that faces the ray, of all of them."""
+    """Among random triangles a ray hits the nearest one that faces it."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-20, 20, (120, 1, 3)) + rng.uniform(-8, 8, (120, 3, 3))
     mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(360).reshape(-1, 3), process=False)

@@ -1,4 +1,4 @@
-"""Visible pieces along lines against closed forms, rays, and themselves."""
+"""Visible pieces along lines agree with closed forms, cast rays, and finer lines."""
 
 from functools import cache
 
@@ -53,7 +53,7 @@ def test_pieces_lie_on_what_a_ray_meets(slant_range, aspect, depression):
 
 @pytest.mark.parametrize(("aspect", "depression"), [(0, 3.84), (70, 3.84), (140, 30), (20, 90)])
 def test_what_is_under_water_is_what_the_sea_hides(aspect, depression, tmp_path):
-    """A keel and a bulb, cut off as a ship is loaded, and left there below a sea that is drawn."""
+    """Cutting off keel and bulb at loading gives the same view as drawing the sea above them."""
     parts = [
         box((-50, -6, -5), (50, 6, 6)),
         box((45, -3, -7), (60, 3, -1)),
@@ -65,7 +65,7 @@ def test_what_is_under_water_is_what_the_sea_hides(aspect, depression, tmp_path)
     dry = line_image(ncti.ships.load(tmp_path / "barge.stl"), **view)
     sea = box((-1e3, -1e3, -20), (1e3, 1e3, 0))
     deep = line_image(trimesh.util.concatenate([united, sea]), **view)
-    # Of what is seen, the ship is what has a height above the sea.
+    # Visible pieces above the sea belong to the ship.
     axes = View(aspect, depression).axes
     middle = [
         deep.piece[:, :2].mean(axis=1),
@@ -104,7 +104,7 @@ def test_solids_that_run_through_one_another_hide_as_if_united(aspect):
 
 @pytest.mark.parametrize("factor", [2, 3, 5, 12])
 def test_lines_between_are_those_that_a_finer_view_has_more(factor):
-    """To the bit for halves, in turn, too; spacings divided by three are rounded."""
+    """Halved spacings agree bit for bit, also repeatedly; other factors within rounding."""
     hull = ship("texas")
     view = dict(aspect=61, depression=3.84, slant_range=5e3)
     coarse = line_image(hull, spacing=1.5, **view)
@@ -122,14 +122,14 @@ def test_lines_between_are_those_that_a_finer_view_has_more(factor):
 
 
 def test_crossings_close_together_are_in_order_whatever_else_is_far_away():
-    """Crossings are sorted roughly by strips of the view, and then exactly; here by one strip."""
+    """Crossings are sorted by strips of the view, then exactly; here all lie in one strip."""
     fins = [box((0.01 * n, -1.0, -3.0), (0.01 * n + 0.005, 1.0, 3.0)) for n in range(60)]
     far = box((30e3, -1.0, 100.0), (30e3 + 1.0, 1.0, 101.0))  # strips of 7 m
     view = {"aspect": 80.0, "depression": 0.0, "spacing": 0.5, "roll": 20.0}
     pieces = []
     for solids in (fins, [*fins, far]):
         image = line_image(trimesh.util.concatenate(solids), **view)
-        # Rounding decides on what is thinner than that.
+        # Rounding decides whether thinner pieces exist.
         long = (np.diff(image.piece[:, :2])[:, 0] > 1e-6) & (np.abs(image.piece[:, 0]) < 100.0)
         pieces.append((image.line[long], image.piece[long]))
     (line, piece), (other_line, other_piece) = pieces
@@ -148,7 +148,7 @@ def test_bounds_are_those_of_all_ends(roll):
 
 @pytest.mark.parametrize("depression", [0.0, 90.0])
 def test_a_face_on_the_edge_of_two_bins_is_in_the_bin_behind(depression):
-    """As in the reference, whatever rounding says."""
+    """Rounding does not decide the bin; the reference uses the same one."""
     mesh = trimesh.creation.box((40.0, 12.0, 8.0))
     image = line_image(mesh, aspect=0, depression=depression)
     area = image.bin(side=1e3, near=-25.0, bin_width=1.0, bin_count=50).strands.sum(0)
@@ -158,11 +158,11 @@ def test_a_face_on_the_edge_of_two_bins_is_in_the_bin_behind(depression):
 @pytest.mark.parametrize("side", [0.6, 3.0, 15.0, 1e3])
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.3, 0.8)])
 def test_cells_share_the_area_out(side, shift):
-    """Binned, no area is lost; every cell's is that of the parts of pieces within it."""
+    """Binning loses no area; each cell has the area of the parts of pieces within it."""
     image = line_image(ship("horne"), aspect=37, depression=3.84)
     parts = image.bin(side=side, shift=shift)
     assert parts.area.sum() == pytest.approx(image.area.sum(), rel=1e-12)
-    # plainly: every piece as two hundred points
+    # the plain computation, with two hundred points per piece
     share = (np.arange(200) + 0.5) / 200
     chosen = np.flatnonzero(image.line % 24 == 0)
     horizontal, vertical = (ends[chosen] for ends in image.cross_range())
@@ -188,10 +188,10 @@ def test_cells_share_the_area_out(side, shift):
 @pytest.mark.parametrize("slant_range", [400.0, 31e3])
 @pytest.mark.parametrize("drawn_there", [True, False])
 def test_pieces_end_in_a_bin_where_their_range_does(slant_range, drawn_there, aspect, depression):
-    """Along lines no area is in a wrong bin, however much a wavefront bends within a bin.
+    """No area is in a wrong bin, for any curvature of the wavefront within a bin.
 
-    Distance is convex along a straight line: what is nearer than an edge is one part of a piece,
-    whose ends bisection finds on either side of the nearest place.
+    Distance is convex along a straight line: the part of a piece nearer than a bin edge is one
+    interval, whose ends bisection finds on either side of the nearest place.
     """
     image = line_image(
         ship("duncan"),

@@ -1,4 +1,4 @@
-"""Compiled once, loops are found by every process that starts later."""
+"""Compiled loops are cached for later processes, but not loaded if untrusted or outdated."""
 
 import pytest
 from running import python
@@ -8,7 +8,7 @@ from ncti import machine_code
 
 @pytest.fixture
 def compiled(tmp_path, monkeypatch, umask):
-    """What compiles a new function with a folder of machine code of its own, as if for any user."""
+    """Return a function that compiles into an empty folder of machine code, with umask 0."""
     umask(0)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "made" / "compiled"))
     for cached in (machine_code.folder, machine_code.folder_of):
@@ -39,7 +39,7 @@ def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_p
 
 
 def test_a_constant_of_another_module_is_compiled_again(tmp_path):
-    """Numba compares the time of the function's own file alone."""
+    """Numba itself would compare only the time of the function's own file."""
     (tmp_path / "loops.py").write_text(
         "from depth import DEPTH\nfrom ncti.compiled import compiled\n"
         "@compiled\ndef deep(x):\n    return x * DEPTH\n"

@@ -1,4 +1,4 @@
-"""Masks of ships: the hits of range images, and every centre tried on its own."""
+"""Masks of ships equal the hits of range images, and a test of each pixel centre."""
 
 import numpy as np
 import pytest
@@ -14,10 +14,10 @@ VIEWS = [(0, None, 0.11), (33.3, 4e3, 0.6), (71, 25e3, 0.25), (200, 50e3, 0.25),
 @pytest.mark.skipif("osmesa" not in available_engines(), reason="no osmesa library here")
 @pytest.mark.parametrize("name", ships.names())
 def test_masks_are_the_hits_of_range_images(name):
-    """Bit for bit: OpenGL's matrix, its grid of vertices and its rule for centres on a border.
+    """They share OpenGL's matrix, its grid of vertices and its rule for centres on a border.
 
-    In 672 views of the six ships one pixel differs, where float32 rounds otherwise than here: of
-    these five views one may have one.
+    In 672 views of the six ships one pixel differs by float32 rounding, so one pixel may differ in
+    these five views.
     """
     mesh, differing = ships.load(name), 0
     for aspect, slant_range, pixel in VIEWS:
@@ -31,7 +31,7 @@ def test_masks_are_the_hits_of_range_images(name):
 
 @given(st.integers(0, 2**32), st.sampled_from([1, 4, 256]))
 def test_a_centre_on_a_border_belongs_to_one_side(seed, steps):
-    """Facets with corners in steps of a pixel, a quarter and 1/256, in whole numbers."""
+    """Corners lie on grids of 1, 1/4 and 1/256 pixel, so that whole numbers decide exactly."""
     rng = np.random.default_rng(seed)
     corners = rng.integers(-2 * steps, 18 * steps, (30, 2))
     faces = rng.integers(0, 30, (12, 3)).astype(np.int32)

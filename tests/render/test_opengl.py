@@ -1,4 +1,4 @@
-"""The mended OSMesa binding: on PyOpenGL as installed, and without what 3.1.0 is without."""
+"""OSMesa draws without the names that PyOpenGL 3.1.0 lacks, and keeps no shader cache."""
 
 import os
 import subprocess

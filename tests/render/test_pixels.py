@@ -1,4 +1,4 @@
-"""What is left out before a view is drawn, and the loop over its pixels, against plain arrays."""
+"""Skipped facets and rays do not change an image, and its surface agrees with plain arrays."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def looked_at(mesh, aspect, depression, slant_range, pixel):
 
 
 def corners(seen, faces):
-    """(2, facet, 3) arrays, of x and of y."""
+    """Return x and y of the facets' corners, (2, facet, 3)."""
     return np.moveaxis(seen[faces], 2, 0)
 
 
@@ -39,7 +39,7 @@ def sides(x, y):
 
 
 def triangles(seed, size):
-    """Facets of all shapes and orientations, some without width, of corners on the grid or not."""
+    """Return random facets of any orientation, some of zero width or with corners on the grid."""
     rng = np.random.default_rng(seed)
     places = rng.normal(size=(60, 2)) * size
     places[:20] = np.round(4 * places[:20]) / 4
@@ -51,7 +51,7 @@ def triangles(seed, size):
 @settings(max_examples=30)
 @given(st.integers(0, 2**32), st.floats(-1.5, 1.2), st.floats(-4, -1))
 def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin):
-    """Moved by the margin or less, none of them is counter-clockwise about a pixel centre."""
+    """Even with vertices moved by the margin, no skipped facet covers a pixel centre."""
     places, faces = triangles(seed, 10**size)
     margin = 10**margin
     chosen = pixels.sampled_facets(places, faces, margin)
@@ -62,7 +62,7 @@ def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin
     at_x, at_y = (axis.ravel() for axis in np.meshgrid(centre, centre))
     rng = np.random.default_rng(seed)
     for _ in range(8):
-        # Corners of the square are the worst.
+        # The corners of the square are the worst case.
         off = rng.choice([-1.0, 1.0, rng.uniform(-1, 1)], places.shape) * margin * (1 - 1e-9)
         x, y = corners(places + off, faces[out])
         run, rise = sides(x, y)
@@ -77,7 +77,7 @@ def test_facets_left_out_have_no_centre_however_vertices_move(seed, size, margin
 @pytest.mark.parametrize("view", VIEWS, ids=str)
 @pytest.mark.parametrize("name", ships.names())
 def test_what_is_left_out_would_not_be_seen(name, view):
-    """All facets drawn, and those with a centre: the same image bit for bit, from a third."""
+    """At most a third of the facets gives the same image bit for bit as all facets."""
     solid, view, lattice, points = looked_at(ships.load(name), *view)
     engine = start_engine("osmesa")
     clip = clip_matrix(view, lattice, centre=solid.centre)
@@ -93,7 +93,7 @@ def test_what_is_left_out_would_not_be_seen(name, view):
 
 
 def every_ray(solid, view, lattice):
-    """First facet behind every pixel, by a ray each."""
+    """Return the first facet behind every pixel, with a ray for each."""
     column, row, away = view.axes
     h = lattice.origin[0] + lattice.pixel * np.arange(lattice.columns)
     v = lattice.origin[1] + lattice.pixel * np.arange(lattice.rows)
@@ -111,9 +111,9 @@ def every_ray(solid, view, lattice):
 @pytest.mark.parametrize("name", ships.names()[:3])
 @pytest.mark.parametrize("view", VIEWS, ids=str)
 def test_rays_left_out_would_miss(name, view):
-    """A ray for every pixel, and those within each row's span: the same image, from half of them.
+    """Rays within each row's span give the same image as a ray for every pixel.
 
-    Also of a ship that is open, so that facets are seen from behind.
+    This also holds for an open ship, whose facets are seen from behind.
     """
     mesh = ships.load(name)
     broken = trimesh.Trimesh(mesh.vertices, mesh.faces[::3], process=False)
@@ -129,10 +129,10 @@ def test_rays_left_out_would_miss(name, view):
 @pytest.mark.parametrize("slant_range", [None, 900.0, 1e5, 1e9])
 @pytest.mark.parametrize("kind", [np.float32, np.int32])
 def test_surface_is_that_of_plain_arrays(slant_range, kind):
-    """Range and slope of every hit, with the formulae in long doubles: within rounding.
+    """Range and slope of every hit agree with the formulae in long doubles within rounding.
 
-    Of r = (s - c) / a the numerator is rounded some eight times at the size of the ship, and the
-    curvature moves it as the ship's size over the slant range: 16 roundings of 100 m over a.
+    The numerator of r = (s - c) / a is rounded some eight times at the size of the ship, and the
+    curvature changes it by the ship's size over the slant range: 16 roundings of 100 m over a.
     """
     solid, view, lattice, points = looked_at(ships.load("duncan"), 17.0, 6.0, slant_range, 0.5)
     facet = start_engine("embree").visible(solid, view, lattice, points)

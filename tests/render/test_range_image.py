@@ -1,4 +1,4 @@
-"""Range images against an independent tracer."""
+"""Range images of a box agree with an independent tracer."""
 
 from functools import partial
 
@@ -30,7 +30,7 @@ LOW, HIGH = (-60.0, -7.0, -2.0), (70.0, 9.0, 12.0)
 )
 @example(aspect=1.5, depression=0.2, roll=ROLL, pixel=0.25, slant_range=400.0)
 def test_box_from_anywhere(engine, aspect, depression, roll, pixel, slant_range):
-    """Exact where both see the same side; another side, or none, on its very border only."""
+    """Ranges are exact where both see the same side; sides differ only at a border."""
     seen = {"aspect": aspect, "depression": depression, "roll": roll, "slant_range": slant_range}
     box = trimesh.creation.box(bounds=[LOW, HIGH])
     image = range_image(box, pixel=pixel, engine=engine, **seen)
@@ -39,11 +39,11 @@ def test_box_from_anywhere(engine, aspect, depression, roll, pixel, slant_range)
     horizontal, vertical = image.cross_range()
     expected, side = traced(horizontal, vertical)
     shared = image.hit & ~np.isnan(expected)
-    # Rounding of float64, where the line of sight meets the side no flatter than 1e-3.
+    # float64 rounding, for lines of sight that meet the side at 1e-3 or steeper
     same = np.abs(image.down_range - expected) < 1e-8
 
-    # A rasteriser snaps vertices to 1/256 pixel: a pixel that differs is to be within 1/128 of a
-    # border, so that a trace beside it sees something else.
+    # A rasteriser snaps vertices to 1/256 pixel: a pixel that differs must be within 1/128 pixel of
+    # a border, so that a trace beside it meets another side.
     differs = (image.hit != ~np.isnan(expected)) | (shared & ~same)
     beside = [
         traced(
@@ -56,11 +56,11 @@ def test_box_from_anywhere(engine, aspect, depression, roll, pixel, slant_range)
     sides = np.array([np.where(np.isnan(down_range), -1, facing) for down_range, facing in beside])
     assert np.all(np.ptp(sides, axis=0) > 0)
 
-    # And the slope, from a plane's range a little to either side.
+    # The slope by central differences of a plane's range.
     inner = shared & same
     cos, sin = np.cos(np.radians(view.roll)), np.sin(np.radians(view.roll))
-    # From nearby the slope of a grazing face changes within a millimetre; from afar it does not,
-    # and ranges are rounded by more.
+    # At short range the slope of a grazing face changes within a millimetre; at long range it does
+    # not, and the rounding of ranges is larger.
     step = np.longdouble(np.clip(1e-8 * (view.slant_range or np.inf), 1e-5, 1e-3))
     corner = np.where(view.axes[2] < 0, HIGH, LOW)  # of all sides that face the sensor
     for axis in range(3):

@@ -1,4 +1,4 @@
-"""Single lines of sight: exact distances from far away, and the facets that an image sees."""
+"""Cast rays find the right facets, at exact distances from far away."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def box():
 
 
 def sightlines(aspect, depression, distance, *, count, spread, seed=0):
-    """Rays from one place to points about the origin, rounded to float64 unit vectors."""
+    """Return rays from one place to points about the origin, as float64 unit vectors."""
     rng = np.random.default_rng(seed)
     right, up, towards = axes(aspect, depression)
     place = (distance * towards).astype(float)
@@ -29,7 +29,7 @@ def sightlines(aspect, depression, distance, *, count, spread, seed=0):
 
 
 def slabs(start, direction):
-    """Distance at which rays enter and leave the box, and the axis of the side they enter by."""
+    """Return the distances at which rays enter and leave the box, and the axis of entry."""
     start, direction = start.astype(Long), direction.astype(Long)
     with np.errstate(divide="ignore"):
         cuts = np.stack([(side - start) / direction for side in (LOW, HIGH)])
@@ -40,10 +40,10 @@ def slabs(start, direction):
 @pytest.mark.parametrize("distance", [3e3, 1e5])
 @pytest.mark.parametrize("view", [(3.0, 6.7), (37.3, 3.39), (91.1, 20.0), (175.0, 6.7)])
 def test_distances_are_exact_at_any_range(box, distance, view):
-    """Of a unit vector rounded at 1e-16 a component, the plane is met within 3 R 1e-16 / cosine.
+    """Unit vectors rounded to 1e-16 per component meet a plane within 3 R 1e-16 / cosine.
 
-    Embree's own float32 distance would be off by millimetres at 100 km. A ray that misses by less
-    than float32 resolves of the ship, 60 m in 2^23, may hit: such near misses are left out.
+    Embree's own float32 distance would be off by millimetres at 100 km. Near misses below the
+    float32 resolution of the ship, 60 m in 2^23, may hit and are left out.
     """
     start, direction = sightlines(*view, distance, count=4000, spread=25)
     enter, leave, side = slabs(start, direction)
@@ -57,7 +57,7 @@ def test_distances_are_exact_at_any_range(box, distance, view):
     known = clear[hits.ray]
     cosine = np.abs(direction)[hits.ray, side[hits.ray]]
     off = np.abs(hits.distance - enter[hits.ray])
-    # Two sides of an edge are within rounding of each other: there the other may be met.
+    # At an edge two sides are equally distant within rounding, and the ray may hit either.
     inner = known & (np.sort(np.abs(_cuts(start, direction)[hits.ray]), axis=1)[:, 1] > 1e-3)
     assert inner.sum() > 200
     assert (off[inner] <= 4 * np.finfo(float).eps * distance / cosine[inner]).all()
@@ -68,14 +68,14 @@ def test_distances_are_exact_at_any_range(box, distance, view):
 
 
 def _cuts(start, direction):
-    """How much later than the box's side a ray meets the planes of the others' near sides."""
+    """Return how much earlier than the entry a ray meets the plane of each near side."""
     with np.errstate(divide="ignore"):
         cuts = np.stack([(side - start) / direction for side in (LOW, HIGH)]).min(axis=0)
     return cuts.max(axis=1, keepdims=True) - cuts
 
 
 def test_what_lies_behind_an_origin_is_not_seen():
-    """From between two walls, inside the sphere about both, each way shows one of them."""
+    """From between two walls each direction shows the one ahead."""
     walls = [trimesh.creation.box((1, 9, 5)).apply_translation((x, 0, 0)) for x in (-20, 20)]
     mesh = trimesh.util.concatenate(walls)
     direction = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0]])

@@ -1,4 +1,4 @@
-"""The six ships: OpenGL against ray casting."""
+"""OpenGL and ray casting draw the same range images of the six ships."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def ship(request):
 @pytest.mark.skipif(OPENGL == "embree", reason="no OpenGL library here")
 @pytest.mark.parametrize("view", VIEWS, ids=str)
 def test_engines_agree(ship, view):
-    """Required: median 0.1 mm, and 0.1 % of the pixels off by 1 cm, or not hit by both."""
+    """The median differs by 0.1 mm at most; 0.1 % of pixels by 1 cm, and 0.1 % in hits."""
     drawn, cast = (range_image(ship, engine=engine, **view) for engine in (OPENGL, "embree"))
     both = drawn.hit & cast.hit
     difference = np.abs(drawn.down_range - cast.down_range)[both]
@@ -34,6 +34,6 @@ def test_engines_agree(ship, view):
     assert (difference > 0.01).mean() <= 1e-3
     assert (drawn.hit != cast.hit).sum() <= 1e-3 * both.sum()
     slopes = np.abs(drawn.gradient - cast.gradient)[both].max(axis=-1)
-    # Of a pixel between two facets of one surface either may be told: at grazing incidence several
-    # facets share a pixel, each with borders that snap to its 1/256.
+    # A pixel between two facets of one surface may show either: at grazing incidence several
+    # facets share a pixel, and their borders snap to 1/256 pixel.
     assert (slopes > 1e-3).mean() <= 0.01

@@ -1,4 +1,4 @@
-"""A mirrored ship seen from the other side is the ship's mirror image, for lines and for pixels."""
+"""A mirrored ship seen from the other side gives mirrored lines and range extents."""
 
 from functools import cache
 
@@ -19,7 +19,7 @@ SIGHT = {"slant_range": 50e3, "ifov": 150e-6}
 
 @cache
 def swapped(name):
-    """A ship with port and starboard swapped, outward facets again."""
+    """Return a ship with port and starboard swapped and its facets outward."""
     mesh = ship(name)
     return trimesh.Trimesh(mesh.vertices * [1, -1, 1], mesh.faces[:, ::-1], process=False)
 
@@ -27,10 +27,10 @@ def swapped(name):
 @pytest.mark.parametrize("name", ["horne", "spruance"])
 @pytest.mark.parametrize("slant_range", [None, 50e3])
 def test_lines_are_mirrored(name, slant_range):
-    """Up to rounding: lines lie at equal heights, and every piece runs the other way."""
+    """Line by line, area and the first two moments of range agree up to rounding."""
     port = line_image(ship(name), **PORT, slant_range=slant_range)
     starboard = line_image(swapped(name), **STARBOARD, slant_range=slant_range)
-    # Mirrored ties may fall otherwise and part a piece in two, so areas are compared.
+    # Ties may resolve differently and split a piece in two, so areas are compared.
     for weight in (np.ones_like, lambda r: r, np.square):
         sums = [
             np.bincount(
@@ -52,8 +52,10 @@ def test_extents_by_lines_are_mirrored(name):
 
 @pytest.mark.parametrize("reflectance", ["projected_area", "lambertian"])
 def test_extents_by_pixels_are_mirrored(reflectance):
-    """But for pixels whose centre lies on an edge, within 1e-5 m that float32 rounds away: of some
-    10 km of edges that are seen, these are 0.1 m^2, two pixels among 40,000."""
+    """They agree except for pixels whose centre is within float32 rounding, 1e-5 m, of an edge.
+
+    With some 10 km of visible edges these are 0.1 m^2, two pixels among 40,000.
+    """
     engine = {"engine": "embree", "pixel": 0.25}
     images = (
         range_image(ship("horne"), **PORT, **engine),

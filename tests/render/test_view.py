@@ -1,4 +1,4 @@
-"""The geometry of a view, against its definition."""
+"""Axes, lattice and clip matrix of a view agree with their definitions."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_lattice_covers_the_points_with_less_than_a_pixel_to_spare(view, seed, p
 
 @given(views, st.integers(0, 10))
 def test_clip_matrix_is_the_pinhole_camera(view, seed):
-    """Against the camera written out: divide by the distance along the line of sight."""
+    """It agrees with explicit division by the distance along the line of sight."""
     points = points_of(seed)
     centre = np.array([3.0, -1.0, 5.0])
     lattice = Lattice.around(points, view, 0.25)
@@ -72,7 +72,7 @@ def test_clip_matrix_is_the_pinhole_camera(view, seed):
 
 @pytest.mark.parametrize("slant_range", [None, 4e3, 1e5, 1e9])
 def test_float32_moves_a_vertex_by_less_than_a_snap_of_the_rasteriser(slant_range):
-    """Rounding to float32 is to be lost in the 1/256 pixel that rasterisers snap to."""
+    """Rounding to float32 must stay below the 1/256 pixel that rasterisers snap to."""
     view = View(33.0, 4.0, slant_range=slant_range)
     points = points_of(0, 1000)
     lattice = Lattice.around(points, view, 0.25)

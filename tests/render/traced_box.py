@@ -1,4 +1,4 @@
-"""An independent tracer of an upright box: lines of sight cut by slabs, in extended precision."""
+"""Independent tracer of an upright box by the slab method in extended precision."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ Long = np.longdouble
 
 
 def axes(aspect, depression):
-    """Unit vectors right, up and towards the sensor, straight from the definition of a view."""
+    """Return unit vectors right, up and towards the sensor, by the definition of a view."""
     a, d = np.radians(Long(aspect)), np.radians(Long(depression))
     right = np.array([-np.sin(a), np.cos(a), 0])
     towards = np.array([np.cos(d) * np.cos(a), np.cos(d) * np.sin(a), np.sin(d)])
@@ -14,7 +14,7 @@ def axes(aspect, depression):
 
 
 def lines_of_sight(view, horizontal, vertical):
-    """Starts and directions of the lines through image points, and the range of the starts."""
+    """Return starts and directions of the lines through image points, and the starts' range."""
     right, up, towards = axes(view.aspect, view.depression)
     target = Long(horizontal)[..., None] * right + Long(vertical)[..., None] * up
     if view.slant_range is None:
@@ -26,8 +26,10 @@ def lines_of_sight(view, horizontal, vertical):
 
 
 def trace(view, horizontal, vertical, *, low, high):
-    """Down-range of a box from corner `low` to corner `high`, NaN where it is not seen, and the
-    axis that the side which is seen is normal to."""
+    """Return the down-range of a box from `low` to `high`, and the axis normal to the visible side.
+
+    Down-range is NaN where a line misses the box.
+    """
     start, direction, offset = lines_of_sight(view, horizontal, vertical)
     with np.errstate(divide="ignore", invalid="ignore"):
         cuts = np.stack([(np.array(side, Long) - start) / direction for side in (low, high)])
@@ -38,7 +40,7 @@ def trace(view, horizontal, vertical, *, low, high):
 
 
 def plane_down_range(view, horizontal, vertical, *, point, normal):
-    """Down-range of a whole plane."""
+    """Return the down-range of an infinite plane."""
     start, direction, offset = lines_of_sight(view, horizontal, vertical)
     normal = np.array(normal, Long)
     return ((np.array(point, Long) - start) @ normal) / (direction @ normal) + offset

@@ -1,4 +1,4 @@
-"""What the tests of ships build with: packaged sheets, and a barge small enough to build often."""
+"""Helpers of the ship tests: packaged sheets, and a barge small enough to build often."""
 
 from __future__ import annotations
 
@@ -35,27 +35,27 @@ def bounds(solid: Manifold) -> np.ndarray:
 
 
 def barge() -> dict[str, Any]:
-    """A sheet of one plain hull with a component of nearly every kind."""
+    """Return a sheet of one simple hull with a component of nearly every kind."""
     sheet: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("barge.yaml").read_text())
     return sheet
 
 
 def refusal(path: str | Path) -> str:
-    """What is said of a file that is no ship."""
+    """Return the message with which loading a file is refused."""
     with pytest.raises(ships.ShipError) as caught:
         ships.load(path)
     return sentence(caught.value)
 
 
 def refused_sheet(text: str) -> str:
-    """What is said of the text of a sheet."""
+    """Return the message with which parsing the text of a sheet is refused."""
     with pytest.raises(ships.ShipError) as caught:
         sheets.parse(text, "{}", where="barge")
     return sentence(caught.value)
 
 
 def sentence(error: Exception) -> str:
-    """One short line that any terminal shows."""
+    """Return an error's message, and check that it is one short printable sentence."""
     message = str(error)
     assert message.isprintable() and message.endswith(".") and len(message) <= errors.MAX_MESSAGE
     return message

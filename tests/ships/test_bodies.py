@@ -1,4 +1,4 @@
-"""Meshes as people have them: each kind of fault is mended to the ship that was meant, or named."""
+"""Reading a faulty mesh either repairs each kind of fault or refuses it with a message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ncti import ships
 from ncti.ships import meshes
 from ncti.ships.bodies import MAX_OPEN, WELD_DISTANCE
 
-LOOSE = 0.4 * WELD_DISTANCE  # corners of a vertex are at most twice as far from each other
+LOOSE = 0.4 * WELD_DISTANCE  # corners of one vertex are at most twice as far apart
 
 
 def block(low, high) -> trimesh.Trimesh:
@@ -39,7 +39,7 @@ def inverted(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def opened(mesh: trimesh.Trimesh, share: float, at: tuple[float, float, float]) -> trimesh.Trimesh:
-    """The mesh without its facets nearest to a point, of a share of its surface at most."""
+    """Return the mesh without its facets nearest to a point, up to a share of its surface."""
     order = np.argsort(np.linalg.norm(mesh.triangles_center - at, axis=1))
     gone = order[np.cumsum(mesh.area_faces[order]) <= share * mesh.area]
     mesh = mesh.copy()
@@ -48,7 +48,7 @@ def opened(mesh: trimesh.Trimesh, share: float, at: tuple[float, float, float]) 
 
 
 def loose(mesh: trimesh.Trimesh, distance: float) -> trimesh.Trimesh:
-    """The mesh with corners of its own for each facet, up to a distance from where they were."""
+    """Return the mesh with separate corners for each facet, moved up to a distance."""
     rng = np.random.default_rng(3)
     corners = np.array(mesh.triangles)
     step = rng.normal(size=corners.shape)
@@ -58,7 +58,7 @@ def loose(mesh: trimesh.Trimesh, distance: float) -> trimesh.Trimesh:
 
 
 def in_compartments(mesh: trimesh.Trimesh, *, turned: bool = False) -> trimesh.Trimesh:
-    """The mesh cut by bulkheads and a deck into bodies that share these, one of them turned."""
+    """Return the mesh cut by bulkheads and a deck into bodies, one inside out if `turned`."""
     parts = [solid_of(mesh)]
     for normal, offset in (((1, 0, 0), -20), ((1, 0, 0), 15), ((0, 0, 1), 3)):
         halves = [part.split_by_plane(normal, offset) for part in parts]
@@ -75,7 +75,7 @@ def wound_at_random(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def finer_in_places(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with some facets cut in four, so that vertices lie within edges of others."""
+    """Return the mesh with some facets cut in four, so that vertices lie within edges of others."""
     divided = np.random.default_rng(5).random(len(mesh.faces)) < 0.2
     return mesh.subdivide(face_index=np.flatnonzero(divided & (mesh.area_faces > 0.01)))
 
@@ -91,7 +91,7 @@ def with_cavity(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def with_neighbour(mesh: trimesh.Trimesh, *, turned: bool = False) -> trimesh.Trimesh:
-    """The mesh beside a body, far ahead, which touches another along an edge."""
+    """Return the mesh with two bodies ahead of it that touch along an edge."""
     bow = mesh.bounds[1, 0]
     ahead = block((bow + 2, 0, 0), (bow + 4, 2, 3))
     touching = block((bow + 4, 2, 0), (bow + 6, 4, 3))
@@ -99,7 +99,7 @@ def with_neighbour(mesh: trimesh.Trimesh, *, turned: bool = False) -> trimesh.Tr
 
 
 KINDS: dict[str, tuple[Callable[[trimesh.Trimesh], trimesh.Trimesh], str]] = {
-    # what becomes of a ship, and a part of the sentence on it
+    # the change of a ship, and a part of the message about it
     "as it is": (lambda mesh: mesh, ""),
     "inside out": (inverted, "whole surface inside out"),
     "wound at random": (wound_at_random, "wound the other way"),
@@ -134,7 +134,7 @@ def stored(mesh: trimesh.Trimesh) -> bytes:
 
 
 def read(mesh: trimesh.Trimesh, **transform) -> tuple[trimesh.Trimesh, str]:
-    """What is made of a file, and what is said of it."""
+    """Return the mesh read from a file, and the faults reported."""
     placed = meshes.read(stored(mesh), ".stl", ships.Transform(**transform), where="mesh hulk")
     result = trimesh.Trimesh(placed.vertices, placed.faces, process=False)
     assert result.is_watertight and result.is_winding_consistent
@@ -157,10 +157,10 @@ def hull(request) -> trimesh.Trimesh:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_ship_with_faults_is_the_ship_that_was_meant(kind, hull):
-    """Openings cost at most the share of the surface that is gone, the rest nothing but rounding.
+    """Closing an opening may change the volume by 5 %, other repairs only by rounding.
 
-    A file has float32: 4e-6 m at 70 m, and loose vertices are moved by `LOOSE` of the length. The
-    volume changes by at most the surface times that.
+    A file has float32, which is 4e-6 m at 70 m, and loose vertices are moved by `LOOSE` of the
+    length. The volume changes by at most the surface times these.
     """
     make, message = KINDS[kind]
     faulty = make(hull)
@@ -183,7 +183,7 @@ BOXES = st.lists(
 
 
 def corners(boxes) -> list[tuple[np.ndarray, np.ndarray, bool]]:
-    """Least and greatest coordinates of boxes, and whether they are inside out."""
+    """Return the least and greatest coordinates of boxes, and whether they are inside out."""
     return [
         (np.array([low for low, _ in spans]), np.array([low + size for low, size in spans]), turned)
         for *spans, turned in boxes
@@ -191,7 +191,7 @@ def corners(boxes) -> list[tuple[np.ndarray, np.ndarray, bool]]:
 
 
 def boxes_together(boxes) -> tuple[trimesh.Trimesh, int]:
-    """Boxes in one mesh, and how many unit cubes any of them covers."""
+    """Return boxes in one mesh, and the number of unit cubes that they cover together."""
     cubes = np.zeros((10, 10, 10), dtype=bool)
     parts = []
     for low, high, turned in boxes:
@@ -201,7 +201,7 @@ def boxes_together(boxes) -> tuple[trimesh.Trimesh, int]:
 
 
 def meet(first, second) -> bool:
-    """Whether a side of a box lies on one of another, or it lies in the other."""
+    """Return whether a side of the first box lies on one of the second, or the box inside it."""
     (low, high, _), (second_low, second_high, _) = first, second
     shared = np.minimum(high, second_high) - np.maximum(low, second_low)
     equal = (
@@ -217,7 +217,7 @@ def meet(first, second) -> bool:
 @settings(max_examples=150, deadline=None)
 @given(boxes=BOXES)
 def test_bodies_that_touch_in_any_way_are_united(boxes):
-    """Whether they share facets, parts of them, edges or corners, overlap or are the same."""
+    """Bodies may share facets, parts of them, edges or corners, overlap or be the same."""
     mesh, volume = boxes_together([(low, high, False) for low, high, _ in corners(boxes)])
     assert read(mesh)[0].volume == pytest.approx(volume, rel=1e-6)
 
@@ -225,7 +225,7 @@ def test_bodies_that_touch_in_any_way_are_united(boxes):
 @settings(max_examples=100, deadline=None)
 @given(boxes=BOXES)
 def test_bodies_inside_out_are_turned(boxes):
-    """Whatever they overlap, and touch along edges and at corners; what is within is a cavity."""
+    """Bodies may overlap and touch along edges and at corners, but none lies within another."""
     solids = corners(boxes)
     assume(
         not any(meet(first, second) for first in solids for second in solids if first is not second)
@@ -242,7 +242,7 @@ def test_bodies_inside_out_are_turned(boxes):
     at=st.tuples(st.floats(-60, 60), st.sampled_from([-6.0, 6.0]), st.floats(0, 20)),
 )
 def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
-    """A ball of 5 m: a cap of it is closed by its plane, which is smaller than the cap."""
+    """A ball of 5 m without a cap is closed by a plane, which is smaller than the cap."""
     ball = trimesh.creation.icosphere(3, 5.0)
     ball.apply_translation((0, 0, 6))
     cut = opened(ball, share, at)
@@ -260,7 +260,7 @@ def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
 
 
 def test_what_is_said_of_an_opening():
-    """Number of edges, area and place in the file's coordinates, here millimetres with y up."""
+    """The message has edges, area and place in the file's coordinates, millimetres with y up."""
     box = block((-50, -6, 0), (50, 6, 8))
     gone = (box.triangles[:, :, 0] > 49).all(axis=1)
     box.update_faces(~gone)
@@ -303,7 +303,7 @@ def test_a_one_sided_surface_is_refused_with_its_place():
 
 
 def test_plates_without_thickness_stay():
-    """As do their fronts and backs; beside a hull, across the waterline, they are left out."""
+    """A plate with front and back keeps its area beside a hull; alone it is refused."""
     plate = trimesh.Trimesh([[0, 3, 9], [9, 3, 9], [9, 3, 12], [0, 3, 12]], [[0, 1, 2], [0, 2, 3]])
     plate = together(plate, inverted(plate))
     hull = block((-50, -6, 0), (50, 6, 8))

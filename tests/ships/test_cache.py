@@ -1,4 +1,4 @@
-"""The cache gives back every bit and never stands in the way; what is no ship is refused."""
+"""The cache returns ships bit for bit, survives damaged files, and refuses unknown names."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def sheet(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def kept(sheet: Path, tmp_path: Path):
-    """A ship, the file that the cache keeps of it, and its bytes."""
+    """Return a ship, the path of its cache file, and the bytes of that file."""
     fresh = ships.load(sheet, cache=tmp_path)
     path = tmp_path / f"{ships.digest(sheet)}.npz"
     return fresh, path, path.read_bytes()
@@ -45,7 +45,7 @@ def assert_same(first, second) -> None:
 )
 @given(data=st.data())
 def test_damaged_file_is_built_again(sheet, kept, data) -> None:
-    """Cut short, overwritten anywhere, emptied: what comes back is the ship all the same."""
+    """Loading gives the same ship after its cache file is truncated, overwritten or emptied."""
     fresh, path, content = kept
     cut = data.draw(st.integers(0, len(content)))
     junk = data.draw(st.binary(max_size=200))

@@ -1,8 +1,8 @@
-"""Every component of every sheet is in its mesh, at its place and with its size.
+"""Every component of every packaged sheet is in the ship's mesh, at its place and size.
 
-The evidence of a component is the room which it alone accounts for: what it adds outside all
-others, or what it alone cuts away. A mesh that has the component holds that room filled (or
-empty); a mesh built without it has it the other way round, which is also tested.
+The evidence of a component is the volume that only it adds outside all others, or that only it
+cuts away. In a mesh that has the component this volume is filled (or empty, for a cut); in a mesh
+built without it, the reverse.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MISSING = 0.05
 
 @cache
 def pieces(name: str) -> tuple[Piece, ...]:
-    """The hull first, then every component."""
+    """Return the hull, then every component."""
     sheet = packaged_sheet(name)
     hull = Piece("hull", sheet.hull.solid(), cuts=False)
     return (hull, *(piece(sheet, component) for component in sheet.components))
@@ -38,7 +38,7 @@ def meets(a: Manifold, b: Manifold) -> bool:
 
 @cache
 def evidence(name: str, index: int) -> Manifold:
-    """Room which only this component fills, or only it cuts away."""
+    """Return the volume that only this component fills, or only it cuts away."""
     body = pieces(name)[index]
     low, high = bounds(body.solid)
     around = Manifold.cube(high - low + 0.02).translate(low - 0.01)
@@ -50,7 +50,7 @@ def evidence(name: str, index: int) -> Manifold:
 
 
 def missing(name: str, index: int, ship: list[Manifold]) -> float:
-    """Share of a component's evidence that a ship, in slabs in sheet axes, does not bear out."""
+    """Return the share of a component's evidence missing from a ship given as slabs."""
     room = evidence(name, index)
     filled = sum((room ^ slab).volume() for slab in ship if meets(room, slab)) / room.volume()
     return filled if pieces(name)[index].cuts else 1 - filled
@@ -58,7 +58,7 @@ def missing(name: str, index: int, ship: list[Manifold]) -> float:
 
 @pytest.fixture(scope="session")
 def slabs():
-    """A ship in sheet axes, cut every 15 m so that looking into one part of it is quick."""
+    """Return a function that cuts a ship in sheet axes every 15 m, for fast local tests."""
 
     @cache
     def cut(name: str) -> list[Manifold]:
@@ -80,20 +80,20 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "index"), CASES)
 def test_component_is_in_the_mesh(slabs, name, index) -> None:
-    # A litre, a shoebox or less of it in the open, or it might as well not be there.
+    # At least a litre must be visible for the test to mean something.
     assert evidence(name, index).volume() > 1e-3
     assert missing(name, index, slabs(name)) < MISSING
 
 
 def listed(name: str) -> list[dict]:
-    """Lines of a sheet as they stand in the file."""
+    """Return the fitted component lines of a sheet's file."""
     lines = yaml.safe_load(packaged_text(name))["components"]
     return [line for line in lines if line.get("fitted", True)]
 
 
 @pytest.mark.parametrize("name", ships.names())
 def test_components_stand_where_their_lines_say(name) -> None:
-    """Read anew from the file: every copy's footprint, and the height it reaches."""
+    """Compare every copy's place and the component's height with the lines of the file."""
     for line, built in zip(listed(name), pieces(name)[1:], strict=True):
         if not {"x", "y", "z"} <= line.keys():
             continue

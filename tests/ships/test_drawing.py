@@ -1,4 +1,4 @@
-"""The side view of ships in notebooks: what bodies cover in closed form, and by every facet."""
+"""The side view of ships in notebooks covers the areas of closed forms and of all facets."""
 
 from xml.etree import ElementTree
 
@@ -11,7 +11,7 @@ from ncti.ships.drawing import COLUMNS, side_view, spans_at
 
 
 def test_spans_of_bodies_are_those_of_their_sections():
-    """A gate of two posts below a beam, beside a pyramid and a ball."""
+    """Test a gate of two posts below a beam, beside a pyramid and a ball."""
     posts = [trimesh.creation.box((1, 1, 4)).apply_translation((x, 0, 2)) for x in (0, 4)]
     beam = trimesh.creation.box((5, 1, 1)).apply_translation((2, 0, 4.5))
     pyramid = trimesh.creation.cone(2.0, 6.0, sections=4).apply_translation((10, 0, 0))
@@ -26,7 +26,7 @@ def test_spans_of_bodies_are_those_of_their_sections():
 
 
 def test_a_ship_covers_points_inside_its_facets():
-    """Points of the view, each against the signs of the areas that it spans with every facet."""
+    """Test points of the view by the signs of the areas that each spans with every facet."""
     ship = ships.load("duncan")
     flat = ship.triangles[..., [0, 2]]
     low, high = ship.bounds[:, [0, 2]]

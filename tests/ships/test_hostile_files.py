@@ -1,4 +1,4 @@
-"""Files that are made, or happen, to hang a reader, fill its memory or write on its terminal."""
+"""Files that could hang a reader, fill its memory or write on its terminal are refused."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ for path in sys.argv[1:]:
 
 
 def test_only_regular_files_are_read(tmp_path) -> None:
-    """In a process of its own, which a pipe that nobody writes to would hold for ever."""
+    """Run in a separate process, because reading a pipe without a writer would block forever."""
     paths = []
     for suffix in ("stl", "obj", "yaml"):
         pipe, endless, silent = (tmp_path / f"{name}.{suffix}" for name in ("pipe", "zero", "null"))
@@ -88,7 +88,7 @@ def test_huge_file_is_refused_unread(suffix, millions, tmp_path) -> None:
 
 
 def bomb(depth: int, *, width: int = 9) -> str:
-    """`width` ** `depth` values in a few hundred bytes."""
+    """Return YAML of a few hundred bytes that expands to `width` ** `depth` values."""
     lines = ["a0: &a0 [0]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * width)}]" for i in range(1, depth)]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""Lines of hulls between their stations."""
+"""Hull lines between stations are monotone where the stations are."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from ncti.ships.hull import Hull
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_deck_is_as_monotone_as_its_stations(sign):
-    """A break of deck stays a step, and nothing bulges."""
+    """A break of deck stays a step without overshoot."""
     x = np.array([0.0, 1.0, 1.1, 8.0, 30.0])
     y = sign * np.array([0.0, 5.0, 5.0, 5.5, 90.0])
     hull = Hull(30.0, np.stack([x, y, y, y], axis=1), 0.0, 0.0, 0.0)

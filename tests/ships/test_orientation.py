@@ -1,4 +1,4 @@
-"""Ships in other axes, of another unit or origin: each is found, and mended by what is proposed."""
+"""Meshes in other axes, units or origins are detected, and the proposed transform corrects them."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ ROUNDED = 0.01 * np.sqrt(3) / 2  # offsets are proposed to 0.01 m
 
 
 def in_file(vertices, transform):
-    """Coordinates of a file that a transform turns into these."""
+    """Return the coordinates of a file that a transform turns into these."""
     turned = (vertices - np.array(transform.offset)) / transform.scale
     return turned @ transform.axes
 
 
 def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trimesh:
-    """Hull of parabolic waterlines and frames with vertical topsides, and a house on its deck."""
+    """Return a hull of parabolic waterlines and frames, with topsides and a deckhouse."""
     x, z = np.linspace(-1, 1, 41), np.linspace(-1, 0, 13)
     breadth = np.sqrt(np.clip(1 - z**2, 0, None))[:, None] * (1 - 0.98 * x**2) + 0.002
     breadth = np.vstack([breadth, breadth[-1:]])
@@ -47,7 +47,7 @@ def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trime
     place=st.tuples(*[st.floats(-300, 300)] * 3),
 )
 def test_any_transform_is_undone(name, turn, scale, place):
-    """Ships of any size, turned and shifted: after the proposal nothing is found."""
+    """Ships of any size, turned and shifted, have no findings after the proposed transform."""
     mesh = ships.load(name)
     vertices, faces = mesh.vertices * scale, np.array(mesh.faces)
     given_ = ships.Transform(up=turn[0], forward=turn[1], offset=place)
@@ -79,7 +79,7 @@ def test_a_hull_on_its_keel_is_lowered_by_a_draught():
 
 
 def test_a_file_is_loaded_by_the_proposed_transform(tmp_path):
-    """Through a file of millimetres that lies on its side, with its origin at the stern."""
+    """The file is in millimetres, lies on its side, and has its origin at the stern."""
     mesh, path = ships.load("duncan"), tmp_path / "hull.stl"
     wrong = ships.Transform(up="y", forward="-z", scale=0.001, offset=(-67.0, 0.0, -9.0))
     trimesh.Trimesh(in_file(mesh.vertices, wrong), mesh.faces, process=False).export(path)
@@ -115,7 +115,7 @@ UPSIDE_DOWN = trimesh.util.concatenate(
 MODEL = trimesh.util.concatenate(
     [block((2.5, 0.6, 0.4), (0, 0, 0.2)), block((0.5, 0.4, 0.4), (0, 0, 0.67))]
 )
-STANCES = [  # a mesh, how far it is lifted, and what is said of that
+STANCES = [  # a mesh, how far it is lifted, and the message about that
     (block((12, 6, 100), (0, 0, 0)), 50.0, ["stands on end", "has its origin at the stern"]),
     (block((6, 12, 100), (0, 0, 0)), 50.0, ["stands on end", "has its origin at the stern"]),
     (trimesh.creation.cylinder(5, 100, sections=24), 0.0, ["stands on end"]),

@@ -1,4 +1,4 @@
-"""Ships built in several processes: the same files as one after another."""
+"""Ships built in several processes have the same files as ships built one after another."""
 
 import sys
 

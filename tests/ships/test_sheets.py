@@ -1,4 +1,4 @@
-"""Sheets: what a good one becomes, and that a bad one is refused, whatever is bad about it."""
+"""A valid sheet becomes a solid of its size; any fault in a sheet is refused in one sentence."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_missing_key_is_refused(key) -> None:
 
 
 def leaves(document: Any, path: tuple = ()) -> Iterator[tuple]:
-    """Paths to every value of a document, containers too."""
+    """Return the paths to every value of a document, containers too."""
     yield path
     items = document.items() if isinstance(document, dict) else enumerate(document)
     for key, value in items:

@@ -1,4 +1,4 @@
-"""The six ships as solids: closed, outward, whole, detailed, of the right size and way round."""
+"""The six ships are closed solids wound outward, of the right size, orientation and details."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def is_solid_at(mesh: trimesh.Trimesh, point: tuple[float, float, float]) -> boo
 
 
 def stern_ranges(mesh: trimesh.Trimesh, *, depression: float = 3.84, pixel: float = 0.12):
-    """Ranges [m] of what is seen from astern, from the nearest point on: rays, no renderer."""
+    """Return the ranges [m] seen from astern, from the nearest point on, by rays."""
     d = np.radians(depression)
     toward = np.array([-np.cos(d), 0, np.sin(d)])
     right, up = np.array([0, -1.0, 0]), np.array([np.sin(d), 0, np.cos(d)])
@@ -58,7 +58,7 @@ def test_lies_on_the_waterline_and_nothing_is_below(name) -> None:
 
 
 def test_length_and_beam_are_those_of_the_sheet(name) -> None:
-    """0.1 m is the project's tolerance; nothing overhangs the hull, so both measures agree."""
+    """Both agree within the project's tolerance of 0.1 m, as nothing overhangs the hull."""
     mesh, principal = ships.load(name), yaml.safe_load(packaged_text(name))["principal"]
     for length in (mesh.extents[0], mesh.metadata["loa"]):
         assert length == pytest.approx(principal["LOA"], abs=0.1)
@@ -100,7 +100,7 @@ def test_port_is_port(name, what, aft, port, up) -> None:
 
 @pytest.mark.parametrize(("name", "angle"), [("duncan", 11), ("roberts", 45), ("spruance", 10)])
 def test_transom_leans_as_stated(name, angle) -> None:
-    """Its facets are one plane at the sheet's angle, and make up nearly all of the stern."""
+    """Transom facets are one plane at the sheet's angle, and nearly all of the stern."""
     mesh = ships.load(name)
     outward = -np.array([np.cos(np.radians(angle)), 0, np.sin(np.radians(angle))])
     stern = mesh.triangles_center[:, 0] < 4 - mesh.extents[0] / 2
@@ -108,7 +108,7 @@ def test_transom_leans_as_stated(name, angle) -> None:
     corners = mesh.triangles[facing].reshape(-1, 3)
     assert np.ptp(corners @ outward) < 1e-3  # slivers go by moving surfaces 0.1 mm at most
     assert corners[:, 0].min() == pytest.approx(-mesh.metadata["loa"] / 2, abs=0.01)
-    # What faces aft at the stern within 60 degrees of the horizon is the transom.
+    # The transom consists of the stern facets that face aft within 60 degrees of the horizon.
     aft = stern & (mesh.face_normals[:, 0] < -0.5) & (mesh.triangles_center[:, 2] < 3.5)
     assert mesh.area_faces[facing & aft].sum() > 0.9 * mesh.area_faces[aft].sum() > 20.0
 
@@ -117,7 +117,7 @@ def test_transom_leans_as_stated(name, angle) -> None:
     ("name", "distance"), [("duncan", 26.5), ("roberts", 29), ("spruance", 56.5), ("horne", 45)]
 )
 def test_hangar_is_the_tallest_peak_from_astern(name, distance) -> None:
-    """Distances measured on rough models of the same sheets, half a bin and half a metre off."""
+    """Distances of rough models of the same sheets agree within half a bin and half a metre."""
     ranges = stern_ranges(ships.load(name))
     share = np.bincount(np.floor(ranges).astype(int)) / len(ranges)
     assert np.argmax(share) + 0.5 == pytest.approx(distance, abs=1.0)

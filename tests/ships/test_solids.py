@@ -1,4 +1,4 @@
-"""Primitives against closed forms: volume, extent, and which way they point."""
+"""Primitive solids match closed forms in volume, extent and direction."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIZE = st.floats(0.1, 20)
 
 
 def polygon_share(sides: int) -> float:
-    """Area of a regular polygon over that of its circumscribed circle."""
+    """Return the area of a regular polygon over that of its circumscribed circle."""
     return sides / (2 * np.pi) * np.sin(2 * np.pi / sides)
 
 

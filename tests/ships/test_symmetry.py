@@ -1,4 +1,4 @@
-"""Which ships are their own mirror image: found, not declared."""
+"""`is_symmetric` detects from the mesh whether a ship is its own mirror image."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ from ncti.ships.symmetry import MIN_THICKNESS
 
 
 def placed(solid, *at, turn=0.0):
-    """A solid turned about its upright axis [deg] and moved."""
+    """Return the solid, turned about its upright axis [deg] and moved."""
     solid.apply_transform(trimesh.transformations.rotation_matrix(np.radians(turn), [0, 0, 1]))
     return solid.apply_translation(at)
 
 
 def barge(*more):
-    """A hull with a house on it, and what else is given, united."""
+    """Return the union of a hull, a house on it and the given solids."""
     hull, house = placed(box((100, 12, 6)), 0, 0, 3), placed(box((20, 8, 6)), 5, 0, 8)
     return trimesh.boolean.union([hull, house, *more], engine="manifold")
 
@@ -47,7 +47,7 @@ def test_triangles_need_not_be_mirrored():
 
 
 def test_equal_moments_are_not_enough():
-    """A square to port and the same one turned to starboard: mass and its products agree."""
+    """A box to port and the same one turned to starboard have equal mass and products."""
     port, starboard = (
         placed(box((2, 2, 2)), -30, 4, 6.5),
         placed(box((2, 2, 2)), -30, -4, 6.5, turn=45),
@@ -60,7 +60,7 @@ def test_equal_moments_are_not_enough():
 @settings(max_examples=20, deadline=None)
 @given(exponent=st.floats(-2, 2), length=st.floats(1, 30))
 def test_a_plate_counts_from_a_thickness_on(exponent, length):
-    """Twice its volume over its surface: its thickness, but for the rim."""
+    """Twice a plate's volume over its surface is its thickness, except for the rim."""
     thick = MIN_THICKNESS * 10**exponent
     ship = barge(placed(box((length, thick, 3)), -20, 6 + thick / 2, 3))
     thick = ship.bounds[1, 1] - 6  # the union rounds to single precision, 0.2 um there
@@ -72,5 +72,5 @@ def test_a_plate_counts_from_a_thickness_on(exponent, length):
 
 @pytest.mark.parametrize("name", ncti.ships.names())
 def test_no_packaged_ship_is(name):
-    """Launchers, funnels and torpedo tubes stand to one side."""
+    """Launchers, funnels and torpedo tubes make the packaged ships asymmetric."""
     assert not ncti.ships.is_symmetric(ncti.ships.load(name))

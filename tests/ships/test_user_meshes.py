@@ -1,4 +1,4 @@
-"""A user's own STL, OBJ or GLB: what is let in, what becomes of it, and what is refused."""
+"""Users' STL, OBJ and GLB files load as closed solids above water, or are refused."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_several_closed_geometries_are_united(tmp_path) -> None:
 
 
 def broken() -> dict[str, trimesh.Trimesh]:
-    """Meshes that are no ship, by what is said of them."""
+    """Return meshes that are no ship, by a part of their refusal."""
     lid_off = block()
     lid_off.update_faces(np.arange(12) > 0)
     return {

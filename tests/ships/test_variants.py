@@ -1,4 +1,4 @@
-"""Variants: whole ships within the uncertainty of their sheets, the same whoever asks for them."""
+"""Variants are reproducible closed ships that vary within the uncertainty of their sheets."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def parsed(document) -> sheets.Sheet:
 
 
 def roots(sheet: sheets.Sheet) -> np.ndarray:
-    """(component, 3) middles of footprints [m]."""
+    """Return the middles of footprints [m], (component, 3)."""
     return np.array(
         [
             (*c.sizes["outline"].mean(axis=0), c.at[2]) if "outline" in c.sizes else c.at
@@ -31,7 +31,7 @@ def roots(sheet: sheets.Sheet) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def drawn() -> dict[str, list[sheets.Sheet]]:
-    """Some perturbed sheets of each of the six ships."""
+    """Return some perturbed sheets of each of the six ships."""
     by_ship = {}
     for name in ships.names():
         sheet = packaged_sheet(name)
@@ -59,13 +59,13 @@ def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
 
 @pytest.mark.parametrize("name", ships.names())
 def test_places_are_within_their_uncertainty(drawn, name) -> None:
-    """Two parts, each cut off at two sigma, and variances that add up to one of one at most."""
+    """Moves have two parts, each cut off at two sigma, with a total variance of one at most."""
     sheet = packaged_sheet(name)
     sigma = np.array([c.sigma for c in sheet.components])[:, None] * [1, 0.5, 0.7]
     moved = np.array([roots(variant) - roots(sheet) for variant in drawn[name]]) / sigma
     assert np.abs(moved[..., 0]).max() <= 2 * np.sqrt(2)
     assert np.sqrt((moved[..., :1] ** 2).mean()) <= 1
-    # Heights follow the deck on which a part is put, breadths its edge: another sigma at most.
+    # Heights follow the deck below a part, breadths the deck edge: another sigma at most.
     assert np.quantile(np.abs(moved), 0.99) <= 3
     lines = sheet.hull.stations
     for variant in drawn[name]:
@@ -79,11 +79,11 @@ def test_places_are_within_their_uncertainty(drawn, name) -> None:
 
 
 def test_uncertainty_is_used(drawn) -> None:
-    """What stands on the deck by itself, an E line of 1.5 m, moves by most of that."""
+    """A free-standing part on the deck, an E line of 1.5 m, moves by most of that."""
     sheet = packaged_sheet("spruance")
     number = [c.name for c in sheet.components].index("capstans/windlass")
     x = [roots(variant)[number, 0] for variant in drawn["spruance"]]
-    # The deviation of ten draws is within 0.5 to 1.5 of that of all at a level of 2 %.
+    # The deviation of ten draws is 0.5 to 1.5 times the true one at a level of 2 %.
     assert 0.5 * 1.5 * 0.8 < np.std(x) < 1.5 * 1.5
 
 
@@ -113,7 +113,7 @@ def test_small_scale_is_the_ship_itself() -> None:
         for scale in (1e-3, 2e-3)
     )
     assert np.abs(near).max() < 0.01
-    # Nothing is halved yet: moves are in proportion, to second order of the warp's slope.
+    # Moves are proportional to the scale, to second order in the warp's slope.
     np.testing.assert_allclose(far, 2 * near, atol=1e-4)
 
 
@@ -145,7 +145,7 @@ def test_symmetric_ship_stays_symmetric() -> None:
 
 
 def test_a_part_goes_with_what_carries_it() -> None:
-    """The tree of a packaged sheet, and an antenna on its platform, on its mast, on its house."""
+    """In a packaged sheet an antenna is borne by platform, mast and house in turn."""
     sheet = packaged_sheet("duncan")
     borne = support_tree(sheet)
     names = [c.name for c in sheet.components]
@@ -178,7 +178,7 @@ def test_tag_says_what_a_line_does_not() -> None:
 
 
 def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
-    """The third draw is built, of its own stream, where the first two do not build."""
+    """If the first two draws do not build, the third is built, from its own stream."""
     sheet = parsed(barge())
     borne, variant = support_tree(sheet), Variant("barge", 0, 1, 0.3)
     drawn = []

@@ -1,4 +1,4 @@
-"""Simulations are what a sweep of the same settings stores, noise of the same stream included."""
+"""Simulations equal the results of a sweep with the same settings, including the noise."""
 
 import inspect
 
@@ -17,12 +17,12 @@ from sweeps.stages.views import Grid, Scene
 SHIP, ASPECT, PULSE, RANGE = "texas", 40.0, 30.0, 50.0
 FRAMES = (4, 16)
 FREE = 200
-ACCURACY = 0.01  # which lines 0.25 m apart keep, so that the imager sees the same ones
+ACCURACY = 0.01  # an accuracy that lines 0.25 m apart meet, so that the imager sees the same lines
 
 FLIGHT = {"samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
 PIXEL = 7.5  # of the imager at 50 km [m]
 EDGE = 2  # pixels of the window
-FLOAT32 = 2.0**-24  # rounding of what a store keeps
+FLOAT32 = 2.0**-24  # rounding of stored values
 
 
 @pytest.fixture(scope="module")
@@ -64,9 +64,9 @@ def test_profiles_are_those_of_a_sweep_less_the_floor(store, frames):
     for ours, theirs in ((simulated.expected, stored.expected), (simulated, stored.averaged)):
         floor = theirs - ours.values
         floors.append(float(floor.mean()))
-        # one number, up to the rounding of the store, twice that of a sum near it
+        # constant up to the rounding of the store, which is twice as large for a sum near it
         assert float(abs(floor - floors[-1]).max()) <= 2 * FLOAT32 * float(theirs.max())
-    # the same floor of both: that of a whole number of IFOVs, those with target and those without
+    # both have one floor: of a whole number of IFOVs, with and without target
     np.testing.assert_allclose(floors[0], floors[1], rtol=2 * FLOAT32)
     ifovs = floors[0] / noise_floor()
     assert ifovs > FREE
@@ -113,7 +113,7 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
     )
     swept(tmp_path / "f.zarr", cache, *options)
     stored = opened(tmp_path / "f.zarr", "validation").squeeze()
-    # What names the stream of a flight: all that the raw images depend on but the passive band.
+    # The key of a flight's stream: all settings of the raw images except the passive band.
     choices = chosen(*options)
     key = {
         setting.name: choices.value(setting)
@@ -139,7 +139,7 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
 
 
 def test_defaults_are_those_of_sweeps():
-    """In units of the configuration."""
+    """Defaults agree after conversion to the units of the configuration."""
     profile, image, flight = (
         {
             name: parameter.default

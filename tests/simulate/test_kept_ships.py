@@ -1,4 +1,4 @@
-"""Ships that simulations keep: read again only when their content changes."""
+"""Cached ships of simulations do not share meshes with callers."""
 
 import numpy as np
 import trimesh
@@ -18,7 +18,7 @@ def profile(ship):
 
 
 def test_no_mesh_of_a_caller_is_kept(tmp_path):
-    """A mesh that is loaded, or given, and changed afterwards changes no later result."""
+    """Changing a loaded or given mesh afterwards does not change the cached ship."""
     path = tmp_path / "barge.stl"
     barge(40.0).export(path)
     first = profile(path)

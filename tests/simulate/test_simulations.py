@@ -1,4 +1,4 @@
-"""Simulations: statistics, labels, reproducibility, and what they refuse."""
+"""Simulations are accurate as stated, labelled, reproducible, and refuse invalid arguments."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ EVERY = pytest.mark.parametrize("simulated", [profile, image, flight])
 
 
 def test_a_ship_whose_sides_are_alike_has_equal_profiles_from_both():
-    """Lines lie mirrored, so that even the error of coarse ones, some 1e-3, is the same."""
+    """Lines are mirrored, so even the error of coarse lines, some 1e-3, is the same."""
     port, starboard = (profile(aspect=aspect, accuracy=0.5).expected for aspect in (35.0, 325.0))
     np.testing.assert_allclose(starboard, port, rtol=0, atol=1e-9 * float(port.max()))
 
@@ -71,7 +71,7 @@ def test_any_profile_says_its_error(aspect, pulse_width, slant_range, accuracy):
 
 
 def test_a_finer_accuracy_moves_the_profile_by_no_more_than_it_says():
-    """Amplitudes are roots of extents: compared in the square, where extents are linear."""
+    """Profiles of two accuracies differ by less than the sum of their error bounds."""
     rough, fine = (profile("texas", frames=1, accuracy=a) for a in (0.02, 1e-4))
     difference = float(abs(rough.expected - fine.expected).sum() / fine.expected.sum())
     assert 0 < difference < rough.attrs["error_bound"] + fine.attrs["error_bound"]
@@ -112,7 +112,7 @@ def test_everything_has_a_label_and_a_unit(simulated):
 
 
 def test_an_image_shows_the_ship_as_large_as_it_is():
-    """Without noise or spread: the area of the pixels that show it, within those of its outline."""
+    """Without noise the area of ship pixels is right within the pixels of the outline."""
     thermal = image(
         aspect=90.0, depression=0.0, slant_range=5e3, nedt=0, target_spread=0, sea_spread=0
     )
@@ -139,7 +139,7 @@ def test_a_view_that_is_not_what_it_seems_is_refused(given, said):
 
 
 def test_the_narrowest_beam_that_a_refusal_allows_is_taken():
-    """1e-6 times 100 km is a hair less than 0.1 m."""
+    """In floating point 1e-6 times 100 km is slightly less than 0.1 m."""
     small = trimesh.creation.box((4.0, 4.0, 3.0))
     assert profile(small, ifov=1e-6, frames=1, accuracy=0.1).attrs["ifov_urad"] == 1.0
 
@@ -152,7 +152,7 @@ def test_a_ship_of_too_many_beams_is_refused_before_it_is_drawn(monkeypatch):
 
 
 def test_plots_of_profiles_name_their_axes_with_units():
-    """By xarray's own `plot`, of one profile and of several aspects."""
+    """Test xarray's `plot` of one profile, several aspects and an image."""
     [line] = profile(frames=1).plot(ax=Figure().subplots())
     axes = line.axes
     assert axes.get_xlabel() == "down-range [m]"

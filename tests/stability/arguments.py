@@ -1,4 +1,4 @@
-"""Functions by name, good arguments of each, and what is wrong for an argument by its name."""
+"""Tables of functions, valid arguments of each, and invalid values by argument name."""
 
 import importlib
 import inspect
@@ -131,14 +131,14 @@ GOOD = {
 
 
 def broken(value):
-    """The box with a coordinate that is not a number."""
+    """Return the box with a coordinate that is not a number."""
     vertices = np.array(BOX.vertices)
     vertices[3, 1] = value
     return mesh(vertices, BOX.faces)
 
 
 NO_NUMBER = ["far", 1j, [[4.0, 16.0], 4.0]]
-# What every function refuses that has an argument of the name: by kinds of arguments, and by name.
+# Values that every function with an argument of the name refuses, by kind and by name.
 KINDS = [
     ("columns detectors looks max_passes oversample radii", [0, 1.5, NAN, INF]),
     ("angles bins", [0, 2.5, NAN]),
@@ -222,7 +222,7 @@ WRONG = {name: values for names, values in KINDS for name in names.split()} | {
     "training": [np.ones(3), np.ones((0, 3))],
     "vigilance": [1.5, NAN],
 }
-# What some functions refuse besides.
+# Further values that single functions refuse.
 OTHERS = {
     "infrared.contrast": {"slant_range": [None]},
     "infrared.noise_temperature": {"frame_count": NO_NUMBER},
@@ -349,7 +349,7 @@ STUDIES = ("scan", "reproduction")
 
 
 def found(path):
-    """What a dotted name below `ncti`, or of a study, is."""
+    """Return the object of a dotted name below `ncti`, or of a study."""
     *modules, name = path.split(".")
     thing = importlib.import_module("studies" if modules[0] in STUDIES else "ncti")
     for part in (*modules, name):
@@ -360,7 +360,7 @@ def found(path):
 
 
 def refused(path):
-    """Names of a function's arguments, each with a value that it refuses."""
+    """Yield names of a function's arguments, each with a value that it refuses."""
     taken = [name for name in inspect.signature(found(path)).parameters if name in WRONG]
     for wrong in ({name: WRONG[name] for name in taken}, OTHERS.get(path, {})):
         for name, values in wrong.items():

@@ -1,4 +1,4 @@
-"""Boxes and what makes them hard, seen by every engine, with the outlines that they must show."""
+"""Helpers: boxes with difficult facets, views by every engine, and exact outlines."""
 
 import numpy as np
 import trimesh
@@ -12,7 +12,7 @@ ENGINES = ("lines", *(name for name in ("embree", "osmesa") if name in available
 
 
 def box(scale=1.0, offset=0.0):
-    """A box of a ship's size, its waterline origin off the middle."""
+    """Return a box of a ship's size, its waterline origin off the middle."""
     return trimesh.creation.box(bounds=np.array([LOW, HIGH]) * scale + offset)
 
 
@@ -21,7 +21,7 @@ def mesh(vertices, faces):
 
 
 def with_slivers(share):
-    """The box, each facet split at a point this share of its height above its longest edge."""
+    """Return the box, each facet split at a point this share of its height above an edge."""
     corners = np.asarray(box().triangles)
     vertices, faces = [], []
     for a, b, c in corners:
@@ -33,7 +33,7 @@ def with_slivers(share):
 
 
 def with_needle(width):
-    """The box with a mast 28 m high, as thick as `width`."""
+    """Return the box with a mast 28 m high, as thick as `width`."""
     mast = trimesh.creation.box(bounds=[[0.0, 0.0, 11.999], [width, width, 40.0]])
     return trimesh.util.concatenate([box(), mast])
 
@@ -46,50 +46,50 @@ def with_facets_without_area():
 
 
 def with_coincident_facets(*, turned=False):
-    """Every facet twice, the second time wound the other way if `turned`."""
+    """Return the box with every facet twice, the second one reversed if `turned`."""
     v, f = np.asarray(box().vertices), np.asarray(box().faces)
     return mesh(v, np.vstack([f, f[:, ::-1] if turned else f]))
 
 
 def see(engine, solid, *, pixel=0.5, **view):
-    """A range image, or lines."""
+    """Return a range image, or lines."""
     if engine == "lines":
         return line_image(solid, spacing=pixel, **view)
     return range_image(solid, pixel=pixel, engine=engine, **view)
 
 
 def area(image):
-    """Visible area [m^2] at the range of the ship origin."""
+    """Return the visible area [m^2] at the range of the ship origin."""
     if hasattr(image, "hit"):
         return np.count_nonzero(image.hit) * image.pixel**2
     return image.area.sum()
 
 
 def ranges(image):
-    """Down-range [m] of all that is seen."""
+    """Return the down-range [m] of all visible pixels or pieces."""
     return image.down_range[image.hit] if hasattr(image, "hit") else image.down_range.ravel()
 
 
 def outline(points, *, aspect, depression, slant_range=None):
-    """Area and perimeter of the outline of a convex solid, and where down-range lies.
+    """Return area and perimeter of a convex solid's outline, and its limits of down-range.
 
-    The view is that of the points' convex hull, by the definition of the axes and of h/w, v/w.
+    The outline is the convex hull of the points, projected by the definition of h/w and v/w.
     """
     column, row, away = View(aspect, depression).axes @ np.asarray(points, dtype=np.float64).T
     k = 0.0 if slant_range is None else 1.0 / slant_range
     w = 1.0 + k * away
     hull = ConvexHull(np.stack([column / w, row / w], axis=1), qhull_options="QJ Pp")
-    # |q| - R0 of the corners bounds what is farthest; nothing is nearer than its coordinate away.
+    # |q| - R0 of the corners bounds the farthest range; no point is nearer than its `away`.
     square = column**2 + row**2
     distance = away + k * square / (w + np.sqrt(w**2 + k**2 * square))
     return hull.volume, hull.area, (away.min(), distance.max())
 
 
 def sampling_error(perimeter, pixel):
-    """Bound on the area [m^2] that squares or lines err by on a convex outline.
+    """Return a bound on the area error [m^2] of pixels or lines on a convex outline.
 
-    Squares that the outline cuts lie in a strip of a pixel's half diagonal on either side of it:
-    perimeter x p / sqrt 2 + pi p^2 / 2. A chord grows to the longest one and falls again, so that
-    lines err by twice that times their distance, and it is at most half the perimeter.
+    Pixels that the outline cuts lie within half a diagonal of it, in a strip of area up to
+    perimeter x p / sqrt 2 + pi p^2 / 2. The length of chords rises to a maximum and falls again, so
+    lines err by twice the maximum times their spacing; it is at most half the perimeter.
     """
     return perimeter * pixel + np.pi * pixel**2 / 2

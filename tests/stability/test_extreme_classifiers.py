@@ -1,4 +1,4 @@
-"""Classifiers at the ends of their parameters, and on profiles of nothing."""
+"""Classifiers stay finite and correct for extreme parameters and sizes of vectors."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ EVERYONE = (AdaptiveClusteringNetwork, CorrelationNeighbour, GainAnnealedNetwork
 
 
 def profiles(seed=0):
-    """(32, 40) vectors that all agree a little: their cosines are in (0, 1)."""
+    """Return (32, 40) vectors whose cosines are all in (0, 1)."""
     return np.random.default_rng(seed).random((32, 40))
 
 
@@ -28,7 +28,7 @@ def profiles(seed=0):
     st.floats(-90.0, 90.0),
 )
 def test_networks_of_any_gain_answer_within_one(gain, rise, rate, seed, scaling, size):
-    """tanh is bounded: outputs are in [-1, 1], the error at most 2, whatever the steps were."""
+    """As tanh is bounded, outputs are in [-1, 1] and errors at most 2 after any steps."""
     network = GainAnnealedNetwork(
         initial_gain=gain,
         final_gain=min(gain * rise, 1e6),
@@ -46,7 +46,7 @@ def test_networks_of_any_gain_answer_within_one(gain, rise, rate, seed, scaling,
 @settings(max_examples=40)
 @given(st.floats(-320.0, 307.0), st.sampled_from(EVERYONE[:2]))
 def test_names_do_not_depend_on_the_size_of_vectors(size, classifier):
-    """Directions are taken of vectors over their peak: 1e-308 and 1e308 alike, until digits go."""
+    """Vectors are scaled by their peak first, so sizes from 1e-300 to 1e307 give equal names."""
     scale = 10.0 ** max(size, -300.0)
     named = classifier().fit(profiles(), LABELS)
     assert (named.predict(profiles() * scale) == LABELS).all()

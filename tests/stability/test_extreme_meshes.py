@@ -1,4 +1,4 @@
-"""Facets that are hard: without area, coincident, slivers, needles, millions."""
+"""Degenerate, coincident, sliver and needle facets do not change the visible box."""
 
 import hard_meshes
 import numpy as np
@@ -26,13 +26,12 @@ HARD = {
 @pytest.mark.parametrize("engine", hard_meshes.ENGINES)
 @pytest.mark.parametrize("name", HARD)
 def test_hard_facets_change_nothing(engine, name):
-    """The box shows as it does without them.
+    """The box looks the same as without these facets.
 
-    Lines see the same surfaces, but for the 1e-9 m within which crossings may change places on a
-    line of 200 m; a wavefront that bends them is cut into chords, wherever a surface begins, that
-    are within 1/50 of a bin. A pixel or a ray may find a sliver in place of its neighbour, whose
-    plane may be wrong by all that its width leaves of its normal: only where its centre is within
-    1/256 pixel of an edge, of 30 edges of at most 200 m.
+    Lines see the same surfaces, except that crossings within 1e-9 m may change places on a line of
+    200 m, and that bent wavefronts are followed by chords, within 1/50 of a bin, wherever a surface
+    begins. A pixel or ray whose centre is within 1/256 pixel of an edge may hit a sliver, whose
+    plane may be arbitrarily wrong, in place of its neighbour; there are 30 edges of at most 200 m.
     """
     for view in VIEWS:
         far = view.get("slant_range", 1e12)

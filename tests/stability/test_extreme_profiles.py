@@ -1,4 +1,4 @@
-"""Pulses, bins, ratios and counts at their ends, from the extent to the vector."""
+"""Extents and profiles are exact for extreme pulses, bins, ratios and counts."""
 
 import math
 from itertools import product
@@ -21,7 +21,7 @@ COUNTS = (0, 100, 10**7)
 
 
 def filled(bin_width, bins=32, share=1.0):
-    """One IFOV that the target fills, all of it in the middle bin."""
+    """Return an extent of one IFOV, with all of its area in the middle bin."""
     fraction = np.zeros((1, bins))
     fraction[0, bins // 2] = share
     centres = bin_width * (np.arange(bins) + 0.5 - bins / 2)
@@ -32,7 +32,7 @@ def filled(bin_width, bins=32, share=1.0):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_area_is_conserved_in_any_bin_at_any_range(engine):
-    """Bins of an image drop what is below 1e-8 of a pixel, as rounding; lines add up."""
+    """Images drop areas below 1e-8 of a pixel as rounding; lines conserve the sum."""
     image = see(engine, box(), aspect=37.0, depression=3.84)
     for slant_range, bin_width in product((100.0, 4e3, 100e3, 1e6), (1e-3, 0.1, 1.0, 100.0)):
         ifov = max(150e-6, 50.0 / slant_range)  # a few IFOVs, for the bins are many
@@ -48,7 +48,7 @@ def test_area_is_conserved_in_any_bin_at_any_range(engine):
 
 @pytest.mark.parametrize("bin_width", BINS)
 def test_the_expected_profile_of_one_bin(bin_width):
-    """Equation C of a filled bin, sqrt(pi/2 CNR beta / N_z + B); Rayleigh variance 2 - pi/2."""
+    """A filled bin has Equation C, sqrt(pi/2 CNR beta / N_z + B); Rayleigh variance is 2 - pi/2."""
     extent = filled(bin_width)
     for pulse, cnr, count in product(PULSES, RATIOS, COUNTS):
         signal = {"pulse_width": pulse, "cnr": cnr, "target_free_ifovs": count}

@@ -1,4 +1,4 @@
-"""Every engine at the ends of range, aspect, depression, size and place."""
+"""Every engine is exact at extreme range, aspect, depression, size and place."""
 
 import numpy as np
 import pytest
@@ -12,12 +12,12 @@ EPS = np.finfo(np.float64).eps
 
 
 def check(engine, solid, *, pixel, size=130.0, **view):
-    """Area within what sampling allows, ranges within the solid's own but for rounding.
+    """Check the area within sampling error, and ranges within the solid's, up to rounding.
 
-    A range is a plane's distance over a cosine, which keeps the digits of a coordinate but for
-    1 / cosine; where that is over 10, it is held within the facet. So 64 ulp of the farthest
-    coordinate, and of an image's plane of the box at the outline, which a pixel may overshoot by
-    a rasteriser's 1/256 pixel at slope 10.
+    A range is a plane's distance over a cosine, which loses digits by 1 / cosine; where that is
+    over 10, the range is kept within the facet. The tolerance is thus 64 ulp of the farthest
+    coordinate, plus for images 1/256 pixel at slope 10, by which a rasteriser may overshoot the
+    outline.
     """
     image = see(engine, solid, pixel=pixel, **view)
     exact, perimeter, (near, far) = outline(solid.vertices, **view)
@@ -44,7 +44,7 @@ def test_a_ship_around_the_sensor_is_refused(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("offset", [(1e6, 0, 0), (0, -1e6, 0), (0, 0, 1e6), (1e6, 1e6, 1e6)])
 def test_a_thousand_kilometres_from_the_origin(engine, offset):
-    """Area is conserved through the range extent, in cells far from the line of sight."""
+    """The range extent conserves area in cells far from the line of sight."""
     view = {"aspect": 37.0, "depression": 3.84}
     image = check(engine, box(offset=offset), pixel=0.5, size=1e6, **view)
     with pytest.raises(ValueError, match="window is 250 m, but must be at least"):
@@ -64,7 +64,7 @@ def test_a_thousand_kilometres_from_the_origin(engine, offset):
     data=st.data(),
 )
 def test_any_convex_solid_has_its_outline(engine, size, away, aspect, depression, roll, data):
-    """Of any size from 1 m to 10 km, seen from 50 half sizes to a million of them."""
+    """Sizes are 1 m to 10 km, seen from 50 to a million half sizes away."""
     import trimesh
 
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))

@@ -1,4 +1,4 @@
-"""Arguments that no function takes: each is refused in one line that names it and its value."""
+"""Invalid arguments are refused in one line that names the argument and its value."""
 
 import re
 
@@ -30,7 +30,7 @@ def test_a_wrong_argument_is_named_with_its_value(path):
             assert any(text in said for text in shown), (name, value, said)
 
 
-# What is no array of the right kind
+# Values that are no array of the right kind
 
 RNG = np.random.default_rng(0)
 VIEWS, BINS = 12, 8
@@ -126,7 +126,7 @@ CALLS = {
 }
 
 
-# Where what is wrong elsewhere is right: labels may be texts, and some arguments missing.
+# Exceptions in which a value is valid: labels may be texts, some arguments None.
 ALLOWED = {
     *((call, name, "texts") for call in CALLS for name in ("labels", "ships", "truth")),
     ("classify.Similarities.of", "tests", "none"),
@@ -136,7 +136,7 @@ ALLOWED = {
 
 
 def refusal(function, good, name, wrong):
-    """The error of a call with one wrong argument, a ValueError of one line; None without one."""
+    """Return the one-line ValueError of a call with one wrong argument, or None."""
     try:
         function(**good | {name: wrong})
     except ValueError as error:
@@ -148,7 +148,7 @@ def refusal(function, good, name, wrong):
 
 @pytest.mark.parametrize("call", CALLS)
 def test_what_is_no_array_of_such_values_is_refused(call):
-    """Estimators of vectors leave that to scikit-learn's own checks and words."""
+    """Estimators of vectors are excluded, as scikit-learn checks their arguments."""
     function, good = CALLS[call]
     function(**good)
     for name, value in good.items():
