@@ -1,4 +1,4 @@
-"""Fixtures that several rooms share, and the search path of the tests' own modules."""
+"""Fixtures that several folders share, and the search path of the tests' own modules."""
 
 import os
 import subprocess
@@ -19,13 +19,13 @@ for room in ("engine", "sweeps", "convergence", "report"):  # whose modules othe
 
 @pytest.fixture(scope="session")
 def cache(tmp_path_factory) -> Path:
-    """Cache of a run's sweeps, empty of earlier runs' results; ships are built once for all."""
+    """Return the cache of a run's sweeps, without earlier results but with ships built before."""
     return sharing_ships(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture(scope="session")
 def smoke_store(tmp_path_factory) -> Path:
-    """Finished store of the smoke experiment, run as the README says, on two workers."""
+    """Return the store of the smoke experiment, run as the README says, on two workers."""
     arguments = ["+experiment=smoke", "store=sweep.zarr", "cache=cache", "cluster.workers=2"]
 
     def run(folder: Path) -> None:
@@ -38,14 +38,14 @@ def smoke_store(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def quick_layout(monkeypatch):
-    """Draw without constraints, which take most of the time and which no test looks at."""
+    """Draw without constrained layout, which takes most of the time and which no test checks."""
     execute = "matplotlib.layout_engine.ConstrainedLayoutEngine.execute"
     monkeypatch.setattr(execute, lambda engine, figure: None)
 
 
 @pytest.fixture
 def one_variant(monkeypatch):
-    """Let all settings of a reproduction have one variant of one ship: a ship takes seconds."""
+    """Let all settings of a reproduction share one variant of one ship, as each takes seconds."""
     from studies.reproduction import setting
 
     def variant(name, number):
@@ -56,7 +56,7 @@ def one_variant(monkeypatch):
 
 @pytest.fixture
 def umask():
-    """What sets the permissions that new files have not; in the end it is as it was."""
+    """Yield the function that sets the permission mask of new files; restore the mask after."""
     before = os.umask(0o077)
     yield os.umask
     os.umask(before)

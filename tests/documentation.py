@@ -1,4 +1,4 @@
-"""README and the pages of the documentation, and what stands in their code blocks."""
+"""Helpers that read the README and the pages of the documentation, and their code blocks."""
 
 import re
 from pathlib import Path
@@ -18,12 +18,12 @@ def text_of(page):
 
 
 def prose_of(page):
-    """A page without its code blocks."""
+    """Return the text of a page without its code blocks."""
     return re.sub(r"^```.*?^```", "", text_of(page), flags=re.S | re.M)
 
 
 def fences(page, *languages):
-    """Language and content of the code blocks in some languages, in order."""
+    """Return language and content of the code blocks in some languages, in order."""
     found = re.findall(r"^```(\w*)\n(.*?)^```", text_of(page), re.S | re.M)
     return [(language, block) for language, block in found if language in languages]
 
@@ -33,7 +33,7 @@ def blocks(page, language):
 
 
 def commands(block, name):
-    """Lines of a block that call a command, without their comments."""
+    """Return lines of a block that call a command, without their comments."""
     whole = block.replace("\\\n", " ")
     lines = (line.split(" #")[0].strip() for line in whole.splitlines())
     return [line for line in lines if line.startswith(f"{name} ")]

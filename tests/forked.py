@@ -1,4 +1,4 @@
-"""Commands in processes of their own, forked from one that has imported all that they need.
+"""Run commands in processes forked from one that has imported all that they need.
 
 Run as a script with the name of a module and its function, which takes the arguments of a command
 line, and a list of cases on stdin, as JSON: the folder, the arguments, where stdout and stderr go
@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def statuses(module, function, cases):
-    """Exit statuses of commands, each in a case of its own."""
+    """Run a command for each case, and return the exit statuses."""
     search = [str(ROOT), *map(str, Path(__file__).parent.glob("*/"))]
     done = subprocess.run(
         [sys.executable, __file__, module, function],
@@ -36,7 +36,7 @@ def statuses(module, function, cases):
 
 
 def stream(number, kind):
-    """A standard stream that goes where it cannot be written, or into a file."""
+    """Redirect a standard stream into a file, or to a place that cannot be written."""
     if kind == "closed":
         os.close(number)
         return None
@@ -53,7 +53,7 @@ def stream(number, kind):
 
 
 def started(main, case):
-    """A process of a command."""
+    """Fork a process that runs a command, and return its id."""
     child = os.fork()
     if child == 0:
         os.chdir(case["folder"])
@@ -64,7 +64,7 @@ def started(main, case):
 
 
 def ended(case, child):
-    """Exit status of a process, which gets its signal when it has written a pack."""
+    """Return the exit status of a process, which gets its signal once it has written a pack."""
     if number := case.get("signal"):
         while not list(Path(case["folder"], "cache").rglob("*.pack")):
             if os.waitpid(child, os.WNOHANG)[0]:
@@ -75,7 +75,7 @@ def ended(case, child):
 
 
 if __name__ == "__main__":
-    # Commands in the background of a shell ignore the one, and those of nohup the other.
+    # Commands in the background of a shell ignore SIGINT, and commands of nohup SIGHUP.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     module, function = sys.argv[1:]

@@ -1,4 +1,4 @@
-"""Memory that calls hold."""
+"""Helper that measures the memory that a call holds."""
 
 import tracemalloc
 

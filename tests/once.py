@@ -1,4 +1,4 @@
-"""What is made once for all processes that run tests, and once for all runs."""
+"""Helpers that share folders among all processes of a test run, and ships among all runs."""
 
 import os
 from collections.abc import Callable
@@ -10,10 +10,10 @@ from platformdirs import user_cache_path
 
 
 def made_once(factory: Any, name: str, make: Callable[[Path], object]) -> Path:
-    """Folder of that name that one of the processes fills; the others wait for it."""
+    """Return the folder of a name that one of the processes fills; the others wait for it."""
     root = factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
-        root = root.parent  # that of all of them
+        root = root.parent  # the folder of all workers
     folder: Path = root / f"once-{name}"
     folder.mkdir(exist_ok=True)
     with (folder / ".lock").open("w") as lock:
@@ -25,7 +25,7 @@ def made_once(factory: Any, name: str, make: Callable[[Path], object]) -> Path:
 
 
 def sharing_ships(cache: Path) -> Path:
-    """A cache of results, which need not be there, that shares ships with all tests."""
+    """Return a cache of results, made if it is not there, that shares ships with all tests."""
     ships = user_cache_path("ncti-sweep") / "meshes"
     for folder in (ships, cache):
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Processes that tests start, and what they leave to others."""
+"""Helper that runs Python in a process that finds the project."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def python(*arguments, cwd=ROOT, check=True, **environment):
-    """A process of Python that finds the project, ended, with what it printed."""
+    """Run Python in a process that finds the project; return it with its output."""
     done = subprocess.run(
         [sys.executable, *map(str, arguments)],
         cwd=cwd,

@@ -30,7 +30,7 @@ def room(module: str) -> str:
 
 
 def imports(path: Path) -> set[str]:
-    """Absolute names of all modules that a file imports, wherever in it."""
+    """Return absolute names of all modules that a file imports, wherever in it."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -38,7 +38,7 @@ def imports(path: Path) -> set[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path} has a relative import"
             assert node.module is not None
-            # `from ncti import ladar` names a room in its alias
+            # `from ncti import ladar` names a package in its alias
             names |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
     return names
 
@@ -52,12 +52,12 @@ def name_of(path: Path) -> str:
 
 
 def rule(own: str) -> list[str]:
-    """What a room may import besides itself."""
+    """Return the names that a package may import besides itself."""
     return ROOMS[own if own in ROOMS else f"{own.partition('.')[0]}.*"]
 
 
 def violations(path: Path) -> list[str]:
-    """Imports of a module that its room may not have."""
+    """Return imports of a module that its package may not have."""
     own = room(name_of(path))
     found = []
     for name in imports(path):
@@ -89,7 +89,7 @@ def test_every_rule_is_of_a_room():
     assert all(name in ROOMS or f"{name.partition('.')[0]}.*" in OTHERS for name in rooms)
 
 
-# Floors of the engine, the lowest first; a room imports from those below, and from itself.
+# Layers of the engine, the lowest first; a package imports from lower layers and from itself.
 FLOORS = (
     *(("declare",), ("resolve",), ("cache",), ("run",), ("store",), ("sweeping",)),
     ("command", "function"),
@@ -98,7 +98,7 @@ FRONT = {"sweeps.engine", "sweeps.engine.settings", "sweeps.engine.stage"}  # na
 
 
 def engine_imports(path: Path) -> set[str]:
-    """Modules of the engine that one of it imports, wherever in it."""
+    """Return modules of the engine that one of its modules imports, wherever in it."""
     known = {name_of(one) for one in modules("sweeps/engine")}
     return {name for name in imports(path) if name in known} - {name_of(path), *FRONT}
 
@@ -171,7 +171,7 @@ def test_private_names_of_other_packages_are_in_few_places():
 
 
 def test_every_library_that_is_imported_is_declared():
-    """Transitive ones would be missing as soon as another library does without them."""
+    """Undeclared ones would be missing as soon as no other library depends on them."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     asked = [*project["dependencies"], *chain(*project["optional-dependencies"].values())]
     declared = {re.match(r"[\w-]+", one)[0].lower() for one in asked}

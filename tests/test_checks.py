@@ -1,4 +1,4 @@
-"""What the checks of arguments refuse, and in which words."""
+"""Checks of arguments refuse wrong values in sentences with value, bounds and unit."""
 
 import math
 import re
@@ -25,7 +25,7 @@ NUMBERS = st.floats() | st.integers() | st.booleans() | st.fractions()
 def test_a_number_is_refused_exactly_if_out_of_bounds(
     value, minimum, maximum, below, positive, whole
 ):
-    """Against each bound by itself."""
+    """The expectation tests each bound by itself."""
     number = float(value)
     right = [
         not math.isnan(number) and not math.isinf(number),

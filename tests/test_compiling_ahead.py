@@ -1,4 +1,4 @@
-"""Loops that another process compiles ahead of their first call."""
+"""Another process compiles loops ahead of their first call."""
 
 import os
 import sys
@@ -26,7 +26,7 @@ def eventually(holds):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """An empty folder for machine code."""
+    """Yield an empty folder for machine code."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(machine_code, "processor_count", lambda: 2)
     for function in (machine_code.folder, machine_code.folder_of):

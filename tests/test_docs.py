@@ -1,4 +1,4 @@
-"""The pages of the documentation: their code runs, their commands are valid, their names exist."""
+"""On pages of the documentation code runs, commands are valid, and names exist."""
 
 import importlib.util
 import re
@@ -30,7 +30,7 @@ from sweeps.experiment import EXPERIMENT
 sys.path.insert(1, str(ROOT / "docs" / "_extensions"))
 
 COMPOSED = yaml.safe_load((ROOT / "tests/sweeps/experiments.yaml").read_text())["composed"]
-ELSEWHERE = {"one_function.md"}  # tests/engine/test_function_results.py runs what is on it
+ELSEWHERE = {"one_function.md"}  # tests/engine/test_function_results.py runs its code
 WITH_CODE = [
     page
     for page in (ROOT / "README.md", *DOCS)
@@ -40,12 +40,12 @@ WITH_CODE = [
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """Cache of finished results that the pages share."""
+    """Return the cache of finished results that the pages share."""
     return sharing_ships(tmp_path_factory.mktemp("cache"))
 
 
 def of_file(code):
-    """The name of the file that a block is to be saved as, if its first line says so."""
+    """Return the name of the file to save a block as, if its first line says so."""
     found = re.match(r"# (\w+\.py)\n", code)
     return found and found[1]
 
@@ -60,7 +60,7 @@ SMALLER = {
 
 
 def shortened(block):
-    """A block whose commands take less time."""
+    """Return a block with commands that take less time."""
     for long, short in SMALLER.items():
         block = re.sub(long, short, block)
     return block
@@ -75,14 +75,14 @@ def imported(name):
 
 
 def of_user(path):
-    """A ship as downloads are: in millimetres, and y is up."""
+    """Write a ship to a file as downloads are, in millimetres with y up."""
     mesh = ncti.ships.load("duncan")
     x, y, z = 1000 * mesh.vertices.T
     trimesh.Trimesh(np.column_stack([x, z, -y]), mesh.faces, process=False).export(path)
 
 
 def stored(arguments):
-    """The arguments, and a store of their own instead of the default, which is another's."""
+    """Return arguments with a store, if they name none, as the default one is in use."""
     own = any(one.startswith("store=") for one in arguments)
     return arguments if own else [*arguments, "store=other.zarr"]
 
@@ -105,7 +105,7 @@ def bucket(smoke_store, monkeypatch):
 def test_what_is_on_the_page_runs(
     page, smoke_store, results, tmp_path, monkeypatch, capsys, request
 ):
-    """Code is executed, scripts of the page are run, and other commands composed, in order."""
+    """The test executes code, runs scripts of the page and composes other commands, in order."""
     mpl.use("Agg")
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
     if "hull.stl" in text_of(page):
@@ -142,7 +142,7 @@ def test_what_is_on_the_page_runs(
 
 
 def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeypatch):
-    """A command with the store of an earlier one, or with none as that has, extends it."""
+    """A command extends the store of an earlier one with the same `store=`, or without any."""
     monkeypatch.chdir(tmp_path)
     pages = (ROOT / "README.md", ROOT / "docs/quick_start.md", ROOT / "docs/sweeping.md")
     lines = [shlex.split(one) for page in pages for one in commands(shell_of(page), "ncti-sweep")]

@@ -1,4 +1,4 @@
-"""Public names of the library are documented alike: summary, example, See Also, reference."""
+"""Public names of the library have a summary, an example, See Also and references."""
 
 import ast
 import inspect
@@ -24,13 +24,13 @@ NO_SUMMARY = r"(What|Where|When|How|Whether|That|Who|Whose|Which|Why)\b"
 
 
 def sections(text: str) -> dict[str, str]:
-    """Text of each section of a docstring by its title; what is before the first is its body."""
+    """Return the text of each section of a docstring by title, with the body before them."""
     parts = re.split(r"^(\S.*)\n-{3,}\n", text, flags=re.MULTILINE)
     return {"body": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
 
 
 def problems(name: str, thing: Any) -> Iterator[str]:
-    """What one public function or class lacks."""
+    """Yield faults of the docstring of one public function or class."""
     text = inspect.cleandoc(thing.__doc__ or "")
     summary, *after = text.split("\n", 2)
     found = sections(text)
@@ -40,13 +40,13 @@ def problems(name: str, thing: Any) -> Iterator[str]:
         yield f"{name}: '{summary}' must begin with what is returned or done"
     if ">>> " not in found.get("Examples", ""):
         yield f"{name}: no Examples with >>>"
-    if not found.get("See Also", "").strip():  # whose names the site's build resolves
+    if not found.get("See Also", "").strip():  # the site's build resolves its names
         yield f"{name}: no See Also"
     yield from sources(name, text, found)
 
 
 def sources(name: str, text: str, found: dict[str, str]) -> Iterator[str]:
-    """What the references of one docstring lack."""
+    """Yield faults of the references of one docstring."""
     references = " ".join(found.get("References", "").split())
     before = text.partition("References\n---")[0]
     if re.search(OF_A_SOURCE, before) and not references:
@@ -76,7 +76,7 @@ def test_public_names_are_documented(package):
 
 
 def public_names() -> set[str]:
-    """Modules and names of all functions and classes that packages of the library export."""
+    """Return full names of all functions and classes that packages of the library export."""
     exported = (import_module(f"ncti.{package}") for package in ncti.__all__)
     things = [getattr(module, name) for module in exported for name in module.__all__]
     named = [thing for thing in things if inspect.isclass(thing) or inspect.isroutine(thing)]
@@ -84,7 +84,7 @@ def public_names() -> set[str]:
 
 
 def test_only_public_names_have_sections():
-    """Others have a sentence, shapes and units, and perhaps examples that no test has."""
+    """Docstrings of other names have no sections but Examples."""
     public, definitions = public_names(), (ast.FunctionDef, ast.ClassDef)
     found = []
     for path in LIBRARY:
@@ -102,7 +102,7 @@ def test_only_public_names_have_sections():
 
 
 def documented_units() -> Iterator[tuple[str, str]]:
-    """Parameters of every docstring of the library, and their units; empty where there is none."""
+    """Yield parameters of every docstring of the library, and their units, empty without one."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in LIBRARY)
     entry = r"^( *)(\w+(?:, \w+)*) : .*\n((?:\1    .*\n)+)"
     for _, names, meaning in re.findall(entry, text, re.MULTILINE):

@@ -1,4 +1,4 @@
-"""Functions have at most 8 parameters and 60 lines of code, docstrings apart."""
+"""Functions have at most 8 parameters and 60 lines of code without docstrings."""
 
 import ast
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ STAGES = {"answers", "in_memory", "plain", "stage"}  # decorators: parameters ar
 
 
 def functions(tree: ast.AST, of: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:
-    """Functions of a module with their names, those in classes and functions included."""
+    """Yield functions of a module with their names, including those in classes and functions."""
     for node in ast.iter_child_nodes(tree):
         name = f"{of}{getattr(node, 'name', '')}"
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
@@ -29,13 +29,13 @@ def functions(tree: ast.AST, of: str = "") -> Iterator[tuple[str, ast.FunctionDe
 
 
 def parameters(node: ast.FunctionDef) -> int:
-    """Number of parameters, without `self` and those of any name."""
+    """Return the number of parameters, without `self`, `cls`, `*args` and `**kwargs`."""
     given = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
     return len(given) - (bool(given) and given[0].arg in ("self", "cls"))
 
 
 def lines(node: ast.FunctionDef) -> int:
-    """Lines of a function without its decorators and docstring."""
+    """Return the number of lines of a function without its decorators and docstring."""
     total = node.end_lineno - node.lineno + 1
     if ast.get_docstring(node) is None:
         return total

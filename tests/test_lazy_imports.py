@@ -1,4 +1,4 @@
-"""Libraries that take long to import wait until something needs them; whose cache tests use."""
+"""Slow libraries are imported only when needed, and tests leave the user's caches alone."""
 
 from importlib import metadata
 
@@ -8,7 +8,7 @@ import ncti
 
 
 def loaded_after(statement: str) -> set[str]:
-    """Names of all modules that a new process has loaded after a statement."""
+    """Return names of all modules that a new process has loaded after a statement."""
     done = python("-c", f"{statement}\nimport sys\nprint(*sys.modules)")
     return set(done.stdout.split())
 
@@ -20,7 +20,7 @@ def test_the_library_alone_loads_nothing_but_itself():
 
 
 def test_no_test_touches_the_cache_of_whoever_runs_it(tmp_path):
-    """Also where examples of the library are run alone, of ships, which are kept."""
+    """It holds also for examples of the library alone, with ships, which a cache keeps."""
     example = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "ncti/ships/loading.py")
     names = ("HOME", "XDG_CACHE_HOME", "SWEEP_CACHE", "NUMBA_CACHE_DIR")
     places = {name: str(tmp_path / name) for name in names}

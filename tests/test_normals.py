@@ -1,4 +1,4 @@
-"""Normals by their place in a stream: numpy's ziggurat, of words that the place alone decides."""
+"""Normals are numpy's ziggurat of words that their place in a stream alone decides."""
 
 import ctypes
 import threading
@@ -16,7 +16,7 @@ KEY = draw_key(np.random.default_rng(4))
 
 
 def mixed(word):
-    """The finaliser of SplitMix64, in Python's whole numbers."""
+    """Return a word after the finaliser of SplitMix64, in Python's whole numbers."""
     word %= 2**64
     word = (word ^ word >> 30) * 0xBF58476D1CE4E5B9 % 2**64
     word = (word ^ word >> 27) * 0x94D049BB133111EB % 2**64
@@ -40,7 +40,7 @@ def run(stream, count, *, begin=0):
 
 
 class Halves:
-    """numpy's normals from 32 bits and, where they do not suffice, those of a SplitMix64."""
+    """Generator of numpy's normals from 32 bits and, where they are too few, from a SplitMix64."""
 
     def __init__(self):
         self.half, self.state = None, 0
@@ -71,7 +71,7 @@ class Halves:
 
 
 def test_a_pair_is_what_numpy_makes_of_the_halves_of_a_word():
-    """100,000: some 25 beyond the lowest layer, and 1,000 that are drawn again or evaluated."""
+    """Of 100,000 some 25 are beyond the lowest layer, and 1,000 are drawn again or evaluated."""
     numpys, [[stream]] = Halves(), streams(cells=CELLS[:1]).tolist()
     words = [word(stream, number) for number in range(-50, 50_000)]
     expected = [
@@ -89,7 +89,7 @@ def test_a_stream_is_named_by_frame_and_cell():
 
 
 def test_places_are_those_of_the_run():
-    """Whatever is drawn beside them, in whatever order."""
+    """They depend neither on the other places drawn nor on the order."""
     stream = streams(frames=3)
     number = np.array([7, 2, 2, 90, 0, 1, 40])
     first = np.array([0, 2, 2, 3, 5, 5, 7])
@@ -102,7 +102,7 @@ def test_places_are_those_of_the_run():
 
 @pytest.mark.parametrize("axis", ["pair", "quadrature", "cell", "frame", "column", "key"])
 def test_neighbours_are_independent(axis):
-    """Correlation of 400,000 normals, of their squares and signs, with those next to them."""
+    """400,000 normals, their squares and their signs do not correlate with their neighbours'."""
     level, side = 1e-4, np.arange(20)
     cells = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
     drawn = run(streams(frames=10, cells=cells), 50)
@@ -124,6 +124,6 @@ def test_neighbours_are_independent(axis):
 
 
 def test_they_are_normal():
-    """A million, by Kolmogorov and Smirnov at 1e-4: distribution within 0.0023."""
+    """A million pass Kolmogorov and Smirnov's test at 1e-4: the distribution is within 0.0023."""
     drawn = run(streams(frames=5), 17_000)
     assert stats.kstest(drawn.ravel(), "norm").pvalue > 1e-4

@@ -1,4 +1,4 @@
-"""What the README shows, done."""
+"""The README shows the sweep's answer and is one page, and links of the pages lead somewhere."""
 
 import re
 import sys
@@ -37,5 +37,5 @@ def test_every_picture_page_and_section_is_there(page):
 
 
 def anchor(title):
-    """What a section is called in a link."""
+    """Return the name of a section in a link."""
     return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")

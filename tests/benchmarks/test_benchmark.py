@@ -25,7 +25,7 @@ def timed_views():
 
 
 def lacks_peer(row):
-    """Whether a row says that an optional package is not installed."""
+    """Return whether a row says that an optional package is not installed."""
     said = "is missing: dependency group benchmark"
     return row["method"] in views.OPTIONAL and row.get("absent", "").endswith(said)
 
@@ -97,7 +97,7 @@ def test_command_prints_and_writes_json(monkeypatch, tmp_path, capsys):
 
 
 def test_each_step_is_timed_alone(monkeypatch):
-    """One view of each part: of a flight, of profiles, and of an image at each range."""
+    """Each part has one view: of a flight, of profiles, and of an image at each range."""
     monkeypatch.setattr(steps, "ASPECTS", (90,))
     monkeypatch.setattr(steps, "classifiers", lambda mesh: [])
     rows = steps.measure("duncan", repeats=1).rows

@@ -1,4 +1,4 @@
-"""Skips give what the plain way gives, and are measured against it."""
+"""Exact skips give the same results as the computation without them."""
 
 import pytest
 import trimesh
@@ -14,14 +14,14 @@ def task():
 
 @pytest.fixture(scope="module")
 def barge():
-    """A ship of few facets, which is not its own mirror image."""
+    """Return a ship of few facets, which is not its own mirror image."""
     bounds = ([-50, -6, 0], [50, 6, 6]), ([-5, -4, 6], [15, 3, 12]), ([0, 1, 12], [1, 2, 25])
     boxes = [trimesh.creation.box(bounds=ends) for ends in bounds]
     return trimesh.boolean.union(boxes, engine="manifold")
 
 
 def test_exact_skips_change_nothing(barge, task):
-    """Bit for bit, or up to the rounding of what is mirrored: 1e-12 of a range extent by lines.
+    """They are equal bit for bit; mirrored range extents by lines round by up to 1e-12.
 
     By pixels, float32 may put a pixel of an outline on the other side, 1e-3 of an IFOV.
     """

@@ -1,4 +1,4 @@
-"""The report of many workers of a scheduler, at its smallest."""
+"""The report of workers of a scheduler is right for three workers and twelve cells."""
 
 from benchmarks import toy, workers
 

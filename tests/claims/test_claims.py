@@ -1,4 +1,4 @@
-"""The main claims of the README, at reduced size, by a seed that nobody has chosen.
+"""The main claims of the README hold at reduced size, for a seed that changes every day.
 
 The seed is the date; `NCTI_TEST_SEED` repeats one. Noise, fresh aspects, grids of aspects, places
 on the detector and orders of presentation are drawn from it.
@@ -7,15 +7,15 @@ A claim fails falsely with a probability of at most `LEVEL`, and all of them tog
 `RISK` (Bonferroni):
 
 - Shares of right answers. Draws of noise are independent, view by view, so that the number of right
-  ones of n is a sum of independent Bernoulli variables. Below or above a bound that is further than
-  one from its mean it is less probable than that of a binomial variable of the same mean (Hoeffding
+  ones of n is a sum of independent Bernoulli variables. To lie beyond a bound that is further than
+  one from its mean is less probable than for a binomial variable of the same mean (Hoeffding
   1956, Ann. Math. Stat. 27, 713). `SHARES` has the long-run mean, over seeds that were used for
   nothing else, and the bound claimed, which is far enough away.
-- Classifiers beside each other on the same views: an exact sign test over views.
-- Learned and fresh aspects: Welch's t-test over aspects, each the mean of its ships and draws.
-- Thresholds and areas of rejection: inequalities of Massart and of Hoeffding.
+- An exact sign test over views compares classifiers on the same views.
+- Welch's t-test compares learned and fresh aspects, each by the mean of its ships and draws.
+- Inequalities of Massart and of Hoeffding bound thresholds and areas of rejection.
 
-What is claimed of lines, their error bars and flights is in `tests/convergence` and `tests/irar`.
+Claims about lines, their error bars and flights are in `tests/convergence` and `tests/irar`.
 """
 
 import datetime
@@ -75,7 +75,7 @@ BOTH = (
 
 
 def answers(store, classifier, **place):
-    """Which answers of a classifier about ships that it has learned are right."""
+    """Return which answers of a classifier about ships that it has learned are right."""
     found = opened(store, f"classification/{classifier}").correct
     asked = found.sel({name: value for name, value in place.items() if name in found.dims})
     known = asked.sel(ship=list(KNOWN)).squeeze(drop=True)
@@ -84,18 +84,18 @@ def answers(store, classifier, **place):
 
 
 def is_multiple(aspect, spacing):
-    """Which aspects [deg] are learned with a spacing."""
+    """Return which aspects [deg] are learned with a spacing."""
     return np.abs(aspect / spacing - np.round(aspect / spacing)) < 1e-6
 
 
 def of_views(right):
-    """(view,): share of right answers to each view, over all draws."""
+    """Return the share of right answers to each view over all draws, (view,)."""
     share = right.mean([dim for dim in right.dims if dim not in ("ship", "aspect")])
     return share.transpose("ship", "aspect").values.ravel()
 
 
 def named_by(store):
-    """Right answers of all classifiers of profiles, templates every 1.5 degrees."""
+    """Return right answers of all classifiers of profiles, with templates every 1.5 degrees."""
     spaced = {"template_spacing": 1.5}
     return {
         "acn": answers(store, "acn", **spaced),
@@ -106,7 +106,7 @@ def named_by(store):
 
 
 def shares_of_profiles(store):
-    """Right answers at learned aspects, of the article's protocol and of denser templates."""
+    """Return right answers at learned aspects, by the article's protocol and denser templates."""
     network = answers(store, "acn", template_spacing=3.0)
     network = network.sel(aspect=is_multiple(network.aspect, 3))
     found = {
@@ -122,7 +122,7 @@ def shares_of_profiles(store):
 
 
 def shares_of_both(store):
-    """Right answers by silhouettes, and by both sensors."""
+    """Return right answers by silhouettes, and by both sensors."""
     wanted = [("infrared", 25), ("infrared", 100), ("both", 25), ("both", 50)]
     return {
         f"{channel}, {distance} km": answers(store, "fusion", channel=channel, range=distance)
@@ -131,14 +131,14 @@ def shares_of_both(store):
 
 
 def rejection(store):
-    """What the correlation classifier rejects of six ships, two of them unknown."""
+    """Return the table of rejection by correlation of six ships, two of them unknown."""
     table = opened(store, "tables/rejection_correlation").sel(aspects="learned")
     return table.sel(template_spacing=1.5).squeeze()
 
 
 @dataclass(frozen=True)
 class Share:
-    """A share of right answers: what it is in the long run, of how many, and what is claimed."""
+    """A share of right answers: its long-run mean, their number, and the bounds claimed."""
 
     mean: float
     n: int
@@ -147,7 +147,7 @@ class Share:
 
 
 VIEWS, DRAWS = 4 * 61, 3  # of the sweep of profiles, learned
-SEEN = 4 * 12 * 6  # answers of that of both sensors
+SEEN = 4 * 12 * 6  # answers of the sweep of both sensors
 SHARES = {
     "acn, bow": Share(0.80, 4 * 10 * DRAWS, low=0.55),
     "acn, beam": Share(0.33, 4 * 11 * DRAWS, high=0.58),
@@ -161,19 +161,19 @@ SHARES = {
     "both, 25 km": Share(1.0, SEEN, low=0.95),
     "both, 50 km": Share(1.0, SEEN, low=0.95),
 }
-AREA = 0.50  # in the long run, under known ships right over unknown ones let through
+AREA = 0.50  # in the long run, under known ships named right over unknown ships accepted
 REJECTED_LESS = 0.32  # known ships kept where 76 % of answers to unknown ones are rejected
 
 
 @pytest.fixture(autouse=True)
 def _seed():
-    """Say which seed a test that fails had."""
+    """Print the seed, so that a test that fails shows it."""
     print(f"{VARIABLE}={SEED}")
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Function: the store of a sweep of the seed, with results of its own."""
+    """Return a function that sweeps with the seed, without earlier results, into a store."""
 
     def make(name, *overrides):
         def sweep(folder):
@@ -187,34 +187,34 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def profiles(made):
-    """The store of range profiles."""
+    """Return the store of range profiles."""
     return made("profiles", *PROFILES)
 
 
 @pytest.fixture(scope="module")
 def named(profiles):
-    """Right answers of all classifiers of profiles."""
+    """Return right answers of all classifiers of profiles."""
     return named_by(profiles)
 
 
 @pytest.fixture(scope="module")
 def both(made):
-    """The store of both sensors, at aspects 7.5 degrees apart from one drawn at random on."""
+    """Return the store of both sensors, at aspects 7.5 degrees apart from a random one on."""
     first = np.random.default_rng([SEED, *b"both"]).uniform(0, 7.5)
     return made("both", f"grid.aspect={{start: {first:.3f}, stop: 90, step: 7.5}}", *BOTH)
 
 
 @pytest.fixture(scope="module")
 def shares(profiles, both):
-    """All right answers that `SHARES` has a bound for."""
+    """Return all right answers that `SHARES` has a bound for."""
     return shares_of_profiles(profiles) | shares_of_both(both)
 
 
 @pytest.mark.parametrize("name", SHARES)
 def test_each_share_of_right_answers_is_within_what_is_claimed(shares, name):
-    """The network at the bow, hardly more than a guess abeam; likelihood there, too.
+    """The network names ships at the bow, but hardly abeam; likelihood names them there, too.
 
-    Both sensors all ships at 25 and 50 km; silhouettes at 25 km, and at 100 km next to none.
+    Both sensors name all at 25 and 50 km; silhouettes name them at 25 km, but hardly at 100 km.
     """
     share, right = SHARES[name], shares[name]
     assert right.size == share.n
@@ -248,7 +248,7 @@ def test_fresh_aspects_are_named_as_learned_ones_from_templates_a_degree_and_a_h
 
 
 def test_to_reject_unknown_ships_costs_most_of_the_known_ones(profiles):
-    """By correlation, nine in ten answers to unknown ships rejected.
+    """The correlation classifier rejects nine in ten answers to unknown ships.
 
     An empirical distribution of n independent values is off by more than sqrt(ln(2 / p) / (2 n))
     anywhere with probability p at most (Massart 1990, Ann. Probab. 18, 1269), and so is an area
@@ -259,7 +259,7 @@ def test_to_reject_unknown_ships_costs_most_of_the_known_ones(profiles):
     assert (unknown, known) == (2 * 61 * DRAWS, VIEWS * DRAWS)
     off = [math.sqrt(math.log(2 / LEVEL) / (2 * n)) for n in (unknown, known)]
     assert abs(float(table.oscr) - AREA) < off[0] + UNSURE
-    # Where nine in ten are rejected of a sample, 76 % are in the long run, or more.
+    # A threshold that rejects nine in ten of a sample rejects 76 % in the long run, or more.
     assert 0.9 - off[0] > 0.76
     kept = float(table.correct_where_rejected.sel(min_rejected=0.9))
     assert kept < REJECTED_LESS + off[1] + UNSURE < 0.5

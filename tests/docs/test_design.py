@@ -1,4 +1,4 @@
-"""The article's statements on design: closed forms, and simulated frames beside them."""
+"""The article's statements on design are checked by closed forms and simulated frames."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from ncti.ladar import power_ratio
 
 
 def test_32_db_of_the_passive_sensor_are_not_those_of_table_1():
-    """7.2 is 8.6 dB, and no reading of the decibels makes 32 of it."""
+    """A ratio of 7.2 is 8.6 dB, and 32 dB by no definition of the decibel."""
     (_, _, ours), (_, _, needed) = design.passive_ratio()
     assert ours == "8.6 dB"
     assert float(snr(100e3)) == pytest.approx(7.2, abs=0.05)
@@ -19,7 +19,7 @@ def test_32_db_of_the_passive_sensor_are_not_those_of_table_1():
 
 @pytest.mark.parametrize(("decibels", "pulse_width"), [(32, 30e-9), (40, 30e-9), (40, 50e-9)])
 def test_range_precision_is_its_bound(decibels, pulse_width):
-    """Quantiles of Student's t with two degrees of freedom, q sqrt(2 / (1 - q^2)) on both sides.
+    """Two-sided quantiles are Student's with two degrees of freedom, q sqrt(2 / (1 - q^2)).
 
     A quantile of n errors lies within 5 sqrt(q (1 - q) / n) / density of its own; the parabola
     through bins costs 2 % at most, as it does not use the noise's correlation.
@@ -38,7 +38,7 @@ def test_range_precision_is_its_bound(decibels, pulse_width):
 
 
 def test_one_metre_of_precision_is_met():
-    """Two degrees of freedom: within 0.5 m with probability t / sqrt(2 + t^2), in units of d."""
+    """Errors within 0.5 m = t d have probability t / sqrt(2 + t^2), by two degrees of freedom."""
     t = 0.5 / design.precision(cnr=power_ratio(32), pulse_width=30e-9)
     assert t / np.sqrt(2 + t**2) == pytest.approx(0.976, abs=0.001)
 

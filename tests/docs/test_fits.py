@@ -8,7 +8,7 @@ ASPECTS = (0.0, 15.0, 45.0, 80.0)
 
 
 def answers(values, *dims):
-    """Answers about a ship at four aspects, along further dimensions."""
+    """Return answers about a ship at four aspects, along further dimensions."""
     coords = {"aspect": list(ASPECTS)}
     return xr.DataArray(np.asarray(values)[..., None, :], coords, (*dims, "ship", "aspect"))
 

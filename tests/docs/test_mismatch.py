@@ -1,4 +1,4 @@
-"""Differences between tests and templates: the conditions do what they say."""
+"""Conditions in which tests differ from templates change profiles as their names say."""
 
 import numpy as np
 import pytest
@@ -13,13 +13,13 @@ def extent(**how):
 
 
 def test_a_ship_that_is_nearer_has_its_profile_in_front():
-    """By two bins, up to the curvature of the wavefront there: 2e-5 of 0.03 m."""
+    """It moves by two bins, up to the curvature of the wavefront there: 2e-5 of 0.03 m."""
     here, nearer = (extent(**how).fraction.sum(axis=0) for how in ({}, {"nearer": 2.0}))
     np.testing.assert_allclose(nearer[:-2], here[2:], rtol=0, atol=1e-5 * here.max())
 
 
 def test_rolled_ifovs_see_the_same_ship():
-    """Bin by bin the same area, up to the 1e-8 squares of the spacing that a cell drops."""
+    """Each bin has the same area, up to the 1e-8 squares of the spacing that a cell drops."""
     plain, rolled = extent(), extent(roll=5.0)
     assert not np.array_equal(plain.cell, rolled.cell)
     np.testing.assert_allclose(rolled.fraction.sum(axis=0), plain.fraction.sum(axis=0), atol=1e-6)

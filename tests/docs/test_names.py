@@ -1,4 +1,4 @@
-"""The table of names in the glossary: parameters, settings and dimensions, in their units."""
+"""The glossary's table of names has the code's parameters, settings, dimensions and units."""
 
 import inspect
 import re
@@ -29,7 +29,7 @@ SETTINGS = {setting.key: setting for setting in EXPERIMENT.declared}
 
 
 def named(cell):
-    """Names of a cell, each with the unit behind it, which is empty without one."""
+    """Return the names of a cell, each with the unit behind it, which is empty without one."""
     return re.findall(r"`([\w.]+)`(?: \[(\w+)\])?", cell)
 
 
@@ -51,7 +51,7 @@ def test_names_and_units_are_those_of_the_code(row):
 
 
 def test_doors_agree_on_what_they_share():
-    """Frames, ranges and pulses are asked for by the same keywords everywhere."""
+    """All functions ask for frames, ranges and pulses by the same keywords."""
     asked = {name for row in ROWS for name, _ in named(row[1])}
     others = {name for row in ROWS for name, _ in named(row[2])} - asked
     assert others & parameters(DOORS) == set()

@@ -1,4 +1,4 @@
-"""The table of both sensors beside the better of them, of shares that are known."""
+"""The table of both sensors beside the better one is right for shares that are known."""
 
 import numpy as np
 import pytest

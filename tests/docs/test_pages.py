@@ -1,4 +1,4 @@
-"""Tables of the pages, between marker lines that name their commands, or in CSV files."""
+"""Tables stand between lines of the pages that name their commands, or in CSV files."""
 
 import csv
 import re
@@ -29,7 +29,7 @@ def test_tables_go_between_their_lines_and_nowhere_else(tmp_path):
     page.write_text(f"before\n{alone}\nold\n{pages.END}\nbetween\n{of_several}\n{pages.END}\n")
     readme.write_text(f"{alone} is no line of\n{pages.END} another\n".replace("budget", "bound"))
     kept, table = readme.read_text(), to_markdown(REPORT)
-    for _ in range(2):  # again, the same
+    for _ in range(2):  # writing again changes nothing
         pages.write({("budget", ""): REPORT, ("results", "new"): REPORT}, tmp_path)
         assert page.read_text() == (
             f"before\n{alone}\n\n{table}\n{pages.END}\nbetween\n{of_several}\n\n{table}\n{pages.END}\n"

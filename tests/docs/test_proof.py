@@ -1,4 +1,4 @@
-"""The proof of the engine: what is counted, what a loop would take, and that figures are equal."""
+"""The proof of the engine counts cells, estimates the time of a loop and compares figures."""
 
 import itertools
 import time
@@ -24,7 +24,7 @@ SMALL = (*operate.EXPERIMENT, "grid.ship=[duncan,horne,spruance,texas,connole,ro
 
 
 def test_a_loop_takes_as_long_as_its_settings():
-    """Of 100 settings, two of 7 and 9 s: 800 s, 8 times 100, with a standard error of 1 s in 8."""
+    """Two of 100 settings take 7 and 9 s: 800 s for all, 8 times 100, standard error 1 s in 8."""
 
     def twice(cells, cold, warm):
         return RepeatedSweep(cells, *(Run(0.0, cpu, 500.0, 0.0, 0.0, "") for cpu in (cold, warm)))
@@ -42,7 +42,7 @@ def test_a_loop_takes_as_long_as_its_settings():
 
 @pytest.fixture
 def in_this_process(monkeypatch, capsys):
-    """Sweep without a process for each command but the first: one takes ten seconds to start."""
+    """Sweep in this process after the first command, as a process takes ten seconds to start."""
     calls, command = itertools.count(), proof.sweep
 
     def sweep(overrides, folder):
@@ -61,7 +61,7 @@ def in_this_process(monkeypatch, capsys):
 
 @pytest.mark.usefixtures("in_this_process")
 def test_settings_alone_are_of_the_sweep_and_figures_are_equal(monkeypatch):
-    """Cells of a loop: everything that one setting needs, for each of four settings."""
+    """A loop computes all cells that one setting needs, for each of four settings."""
 
     def same(whole, alone):
         at = {name: alone[name] for name in ("ship", "frame_count")}

@@ -1,4 +1,4 @@
-"""Tables of settings fitted to the article's: which figures stand in a row, and what is judged."""
+"""Tables of fitted settings have the article's rows, and mark tables that are not fitted."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SETTINGS = 16
 
 @pytest.fixture(scope="module")
 def reports():
-    """Reports of figures that rise from 0 on, of fits that weigh one setting, and of parameters."""
+    """Return reports of figures that rise from 0, of fits that weigh one setting, of parameters."""
     count, fits = len(NAMES), len(FITS)
     rising = xr.DataArray(np.arange(float(count)), {"figure": NAMES}, "figure")
     of_fits = xr.DataArray(np.zeros(fits), {"fitted": list(FITS)}, "fitted")
@@ -81,7 +81,7 @@ def test_tables_that_are_not_fitted_to_are_marked(reports):
 
 
 def test_a_parameter_is_shown_by_its_values(reports):
-    """The one setting that has all the weight has them."""
+    """They are the values of the one setting that has all the weight."""
     rows, values = reports[2].rows, assumed(5)
     assert len(rows) == reproduced.MAX_PARAMETERS
     assert rows[0]["all"].startswith(f"{values['depression']} 100 %; ")

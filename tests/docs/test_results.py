@@ -1,4 +1,4 @@
-"""Published figures: their intervals, the sweeps behind them, and the pages that have them."""
+"""Published figures have valid intervals, and the pages have the tables that sweeps make."""
 
 import csv
 import re
@@ -39,7 +39,7 @@ def test_bins_and_multiples_of_a_step():
 def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_narrow(
     factor, least, most, monkeypatch
 ):
-    """Of 1,600 repeats of normal draws: 95 %, +- 2 at five standard errors; half as wide, 66 %."""
+    """1,600 repeats of normal draws give 95 %, +- 2 at five standard errors; half as wide, 66 %."""
     percent = np.random.default_rng(3).normal(50, 4, (1600, 20))
     plain = coverage.mean_over_seeds
 
@@ -54,12 +54,12 @@ def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """All tables but those of flights, from tiny sweeps of two seeds."""
+    """Return all tables without flights, from tiny sweeps of two seeds."""
     folder = tmp_path_factory.mktemp("results")
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(sweeping, "cache_folder", lambda: sharing_ships(folder))
         inline = ClusterChoice(kind="inline")
-        # Variants of ships take long to build: the unknown ones stand in for theirs.
+        # Variants of ships take long to build: unknown ships stand in for them.
         patched.setattr(results, "_variants", lambda ships: results.UNKNOWN_SHIPS)
         small = {"finest": ENDS, "generated": 0, "pairs": results.PAIRS[-1:]}
         sizes = results.Sizes(2, 2, TINY, ENDS, 1, WITHOUT_FLIGHTS, inline, **small)
@@ -67,7 +67,7 @@ def made(tmp_path_factory):
 
 
 def test_sweeps_have_what_the_tables_show():
-    """Errors of navigation, and every ship of the validation at a range of its own there."""
+    """They have the errors of navigation, and a range for every ship of the validation."""
     errors = choices_of(result_flights.SENSITIVITY)[Irar.errors]
     assert set(result_flights.NAVIGATION_ERRORS) <= set(errors)
     ranges = choices_of(result_flights.NEAR_STERN)[Irar.range]
@@ -75,7 +75,7 @@ def test_sweeps_have_what_the_tables_show():
 
 
 def tables_of(page):
-    """Headings and number of rows of the tables of a page, by name."""
+    """Return headings and number of rows of the tables of a page, by name."""
     text = page.read_text(encoding="utf-8")
     found = {}
     for name in re.findall(rf"{pages.PROGRAM} results --write \((\w+)\) -->", text):
@@ -86,7 +86,7 @@ def tables_of(page):
 
 
 def csv_tables():
-    """Headings and number of rows of the tables in CSV files, by name."""
+    """Return headings and number of rows of the tables in CSV files, by name."""
     found = {}
     for path in (pages.ROOT / "docs" / "tables").glob("results_*.csv"):
         headings, *rows = csv.reader(path.open(encoding="utf-8"))
@@ -95,20 +95,20 @@ def csv_tables():
 
 
 def counted(heading):
-    """A heading without its numbers of seeds, draws and flights, and those of seeds and draws."""
+    """Return a heading without its counts, and its numbers of seeds and of draws."""
     counts = [int(one) for one in re.findall(r"(\d+) (?:seeds|draws)", heading)]
     return re.sub(r"(\d+ x )?\d+ (seeds|draws|flights)", r"n \2", heading), counts
 
 
 def test_the_command_writes_the_tables_of_the_pages(made):
-    """Tables, their columns and rows are those that the command makes, of ten seeds at least."""
+    """The pages have the columns and rows that the command makes, of ten seeds at least."""
     printed = tables_of(pages.ROOT / "README.md") | tables_of(pages.ROOT / "docs" / "results.md")
     assert not set(printed) & set(csv_tables())
     found = printed | csv_tables()
     assert set(made) < set(found)
     for name, (headings, rows) in found.items():
         words, counts = counted(headings[0])
-        # Of each of fifteen pairs there are five.
+        # Each of fifteen pairs has five seeds.
         assert counts and min(counts) >= (results.PAIR_SEEDS if name == "pairs" else 10), name
         if name not in made:  # takes flights
             continue

@@ -1,4 +1,4 @@
-"""The report of sweeps by number of views: what they sweep, and a small one."""
+"""Sweeps in the report of scale have as many views as they say, and each kind a small one."""
 
 import pytest
 

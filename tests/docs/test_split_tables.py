@@ -1,4 +1,4 @@
-"""Tables of the benchmark: what they show of answers that are known."""
+"""Tables of the benchmark have the right figures for answers that are known."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ COORDS = {"split": ["aspect-random", "unknown-near"], "seed": np.arange(SEEDS)}
 
 @pytest.fixture(scope="module")
 def tests():
-    """Two splits: the second has 20 rows of an unknown ship, which the first lacks."""
+    """Return two splits: the second has 20 rows of an unknown ship, which the first lacks."""
     rng = np.random.default_rng(3)
     shape = 2, SEEDS, ROWS
     true = rng.integers(0, 2, shape)
@@ -27,7 +27,7 @@ def tests():
 
 
 def answered(tests, right, seed):
-    """Answers that are right with some probability, which they state."""
+    """Return answers that are right with some probability, which they state."""
     rng = np.random.default_rng(seed)
     true = np.maximum(tests.true_ship.values, 0)
     named = np.where(rng.random(true.shape) < right, true, 1 - true)
@@ -47,7 +47,7 @@ def test_figures_are_means_over_seeds_with_students_intervals(tests):
     np.testing.assert_allclose([float(one) for one in figures], [right.mean(), low, high])
     assert table.accuracy_n == 40 * SEEDS
     np.testing.assert_allclose(table.confusion.sum("ship_named"), 1.0)
-    # What is stated is so, to the scatter of 400 answers; log loss in closed form.
+    # Shares scatter about the stated 0.7; log loss has a closed form.
     assert table.ece == pytest.approx(abs(right - 0.7).mean(), abs=1e-9)
     loss = -(right * np.log(0.7) + (1 - right) * np.log(0.3)).mean()
     assert table.log_loss == pytest.approx(loss)
@@ -59,7 +59,7 @@ def test_unknown_ships_are_no_answers_but_are_rejected(tests):
     table = tabulate_rows(answers, tests).sel(split="unknown-near")
     assert table.accuracy_n == 40 * SEEDS
     assert table.auroc == 1.0
-    # All known ships are accepted: kept is what is right.
+    # All known ships are accepted, so that all right answers are kept.
     assert table.kept == pytest.approx(float(table.accuracy))
 
 
@@ -84,7 +84,7 @@ def test_tables_have_every_classifier_and_the_ranking_of_held_out_seeds(tests):
     assert [row["what"] for row in made["splits"].rows] == [*splits.TITLES.values()]
     assert len(made["differences"].rows) == len(splits.TITLES) - 1
     ranking = made["ranking"].rows[0]
-    # One stream of errors, so that every seed ranks them as their shares do.
+    # They share a stream of errors, so that every seed ranks them as their shares do.
     assert ranking["order"] == ", ".join(splits.TITLES.values())
     assert (ranking["tau"], ranking["swaps"]) == ("1.00", "none")
 

@@ -1,4 +1,4 @@
-"""The store of flights that a notebook opens."""
+"""Fixture: the store of flights that a notebook opens."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ FLIGHTS = [
 
 @pytest.fixture(scope="session")
 def flight_store(tmp_path_factory) -> Path:
-    """Finished store of a small sweep of flights."""
+    """Return the finished store of a small sweep of flights."""
     folder = tmp_path_factory.mktemp("flights")
     assert not swept(folder / "flights.zarr", folder / "cache", *FLIGHTS).failures
     return folder / "flights.zarr"

@@ -1,4 +1,4 @@
-"""Every notebook runs on a store of its own making, and draws something in every panel."""
+"""Every notebook runs on a small store, and draws something in every panel."""
 
 from pathlib import Path
 
@@ -10,17 +10,17 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import PathCollection
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
-STORES = {"flights": "flight_store"}  # fixtures; of all others the smoke experiment's
+STORES = {"flights": "flight_store"}  # fixtures; all others open the smoke experiment's
 
 
 def code_of(path):
-    """Sources of the code cells."""
+    """Return the sources of the code cells."""
     cells = nbformat.read(path, as_version=4).cells
     return [cell.source for cell in cells if cell.cell_type == "code"]
 
 
 def shown(axes):
-    """Points of lines and scatters, and values of pictures; error bars are not enough."""
+    """Yield points of lines and scatters, and values of pictures, but no error bars."""
     containers = [one for one in axes.containers if hasattr(one, "has_yerr")]
     bars = [part for one in containers for part in (*one[1], *one[2])]
     for line in axes.lines:
@@ -36,7 +36,7 @@ def shown(axes):
 @pytest.mark.usefixtures("quick_layout")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs_and_every_panel_shows_something(path, request, tmp_path, monkeypatch):
-    """In this process; the site's build runs it in a kernel of its own."""
+    """It runs in this process; the site's build runs it in a kernel of its own."""
     store = request.getfixturevalue(STORES.get(path.stem, "smoke_store"))
     monkeypatch.setenv("NCTI_STORE", str(store))
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Tables made by hand, with the attributes that describe their axes and layout."""
+"""Helpers that make tables, with the attributes that describe their axes and layout."""
 
 import numpy as np
 import xarray as xr
@@ -22,7 +22,7 @@ BINS = ("0-27", "30-57", "overall")
 
 
 def scores(seed=0, prefixes=("",), bins=BINS, **axes):
-    """A group of tables: percentages by chance over some axes and aspect bins.
+    """Return a dataset of random percentages over given axes and aspect bins.
 
     An axis given as one value is a scalar coordinate; a dict makes a joint axis of its items.
     """
@@ -60,7 +60,7 @@ def scores(seed=0, prefixes=("",), bins=BINS, **axes):
 
 
 def displayed(tables, classifier="acn", **more):
-    """Those tables with the displays of a classifier's scores."""
+    """Return the tables with the attributes that display a classifier's scores."""
     labels = {"classifier": classifier, "channel": "range"}
     displays = score_displays(labels, scored="ship", source=classifier, chance=(25.0, 25.0))
     attributes = [display.as_attribute(None) for display in (*displays, *more.values())]
@@ -68,7 +68,7 @@ def displayed(tables, classifier="acn", **more):
 
 
 def categories(counts, views=124, **axes):
-    """A group of numbers of categories over some axes, as shown."""
+    """Return a dataset of numbers of categories over given axes, with its display."""
     shape = [len(values) for values in axes.values()]
     table = xr.Dataset(
         {

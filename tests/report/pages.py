@@ -1,4 +1,4 @@
-"""A report page as tests read it: its elements, and the data of its script."""
+"""Parser of report pages, for their elements and the data of their scripts."""
 
 import json
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class Element:
     children: list["Element"] = field(default_factory=list)
 
     def all(self, tag: str, **attrs: str) -> list["Element"]:
-        """Return the elements inside, in order, of a tag and with some attributes."""
+        """Return descendants of a tag with given attributes, in document order."""
         attributes = {key.replace("_", "-"): value for key, value in attrs.items()}
         matching = [
             child
@@ -37,7 +37,7 @@ class Element:
         return elements
 
     def only(self, tag: str, **attrs: str) -> "Element":
-        """Return the only such element."""
+        """Return the only such descendant."""
         (element,) = self.all(tag, **attrs)
         return element
 
@@ -80,7 +80,7 @@ class Page:
 
     @property
     def data(self) -> dict:
-        """The data of the script."""
+        """Return the data of the script."""
         text = self.root.only("script", type="application/json").text
         return json.loads(text, parse_constant=_refused)
 
@@ -99,7 +99,7 @@ def read_page(path: Path) -> Page:
 
 
 def stored(path, attributes=None, **groups):
-    """A store of some groups, with `__` in their names for a slash."""
+    """Write datasets as groups of a store; `__` in a group's name stands for a slash."""
     for name, dataset in groups.items():
         dataset.to_zarr(path, group=name.replace("__", "/"), mode="a", consolidated=False)
     zarr.open_group(path, mode="a").attrs.update(attributes or {})
@@ -107,5 +107,5 @@ def stored(path, attributes=None, **groups):
 
 
 def page_of(path):
-    """The page of a store."""
+    """Return the HTML text of a store's report page."""
     return write.store_page(path, tables_of(path))

@@ -1,4 +1,4 @@
-"""The command `ncti-report`, for `forked`: importing this imports all its lazy imports."""
+"""The command `ncti-report` for `forked`, with the command's lazy imports done in advance."""
 
 import sys
 
@@ -17,6 +17,6 @@ from sweeps.report import command
 
 
 def main(arguments):
-    """Run the command; it exits by itself unless all is well."""
+    """Run the command, which exits by itself unless it succeeds."""
     sys.argv = ["ncti-report", *arguments]
     command.main()

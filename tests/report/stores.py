@@ -1,4 +1,4 @@
-"""Finished stores, and the reports of them."""
+"""Helpers that make finished stores, and that run and read their reports."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ from sweeps.report.outputs import tables_folder
 from sweeps.report.summary import report
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
-# Small flights: coarse pixels and few lines, in a tenth of a second each.
+# Flights of coarse pixels and few lines, which take a tenth of a second each.
 SMALL = {"ifov": 500.0, "samples": 60, "line_rate": 60.0, "detectors": 3, "pulse_rate": 4000.0}
 FLIGHTS = [
     "sensor=irar",
@@ -34,7 +34,7 @@ FLIGHTS = [
 
 
 def swept_once(factory: Any, name: str, *overrides: str) -> Path:
-    """The store of a sweep of that name, without its report, made by one of the processes."""
+    """Return the path of a store that one of the test processes sweeps, without its report."""
 
     def make(folder: Path) -> None:
         assert not swept(folder / "s.zarr", folder / "cache", *overrides).failures
@@ -43,7 +43,7 @@ def swept_once(factory: Any, name: str, *overrides: str) -> Path:
 
 
 def signed(path: Path) -> Path:
-    """A store that xarray wrote, with the metadata and the manifest that a sweep gives its own."""
+    """Add a sweep's metadata and manifest to a store that xarray wrote, and return its path."""
     with warnings.catch_warnings(action="ignore"):
         zarr.consolidate_metadata(path)
     (path / MANIFEST).unlink(missing_ok=True)
@@ -55,7 +55,7 @@ def signed(path: Path) -> Path:
 
 
 def reported(monkeypatch, *arguments: object) -> int:
-    """Exit status of `ncti-report`."""
+    """Run `ncti-report` with some arguments and return its exit status."""
     monkeypatch.setattr("sys.argv", ["ncti-report", *map(str, arguments)])
     try:
         main()
@@ -65,25 +65,25 @@ def reported(monkeypatch, *arguments: object) -> int:
 
 
 def rows_of(path: Path, name: str) -> list[dict[str, str]]:
-    """A table of a store as its CSV file has it."""
+    """Return the rows of a store's table from its CSV file."""
     with (tables_folder(path) / f"{name}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
 
 
 def printed(path: Path, width: int = 200) -> str:
-    """Printed report of a store."""
+    """Return the printed report of a store."""
     console = Console(file=io.StringIO(), width=width)
     report(path, console)
     return console.file.getvalue()
 
 
 def attributes_of(path: Path) -> dict[str, Any]:
-    """Attributes of a store itself."""
+    """Return the attributes of a store's root group."""
     return of_stores.attributes(zarr.open_group(path, mode="r"))
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder that is to be seen, by its relative path."""
+    """Return the bytes of every file below a folder that is not hidden, by relative path."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))

@@ -1,4 +1,4 @@
-"""The article's figures stand beside ours where views and settings are the article's only."""
+"""The article's figures stand beside ours only where views and settings are the article's."""
 
 import copy
 
@@ -120,7 +120,7 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
         expected = best.percent_correct[row.range_km, row.frame_count, row.aspect_bin_deg]
         assert row.points_below_bound == pytest.approx(expected - row.percent_correct, abs=0.11)
     unknown = rows[(rows.classifier == "likelihood") & (rows.gain_sigma == 0.0)]
-    assert np.isfinite(unknown.points_below_bound).all()  # knows more: may lie above
+    assert np.isfinite(unknown.points_below_bound).all()  # knows the gain: may be above
 
 
 @pytest.mark.parametrize("name", ["paper", "draws", "table4"])

@@ -1,4 +1,4 @@
-"""Two stores compared: pairs of answers to the questions that both have, and nothing else."""
+"""Stores are compared by pairs of answers to the views that both have, and by nothing else."""
 
 import shutil
 
@@ -20,7 +20,7 @@ ASPECTS = np.arange(0.0, 60.0, 3.0)
 
 
 def store(path, right, aspects=ASPECTS, **swept):
-    """A store of the answers of one classifier, (..., ship, aspect), and its table."""
+    """Write a store of one classifier's answers, (..., ship, aspect), and its table."""
     displayed(scores(bins=("0-27", "30-57", "overall"), **swept)).to_zarr(
         path, group="tables/acn", consolidated=False
     )
@@ -38,7 +38,7 @@ def answers():
 
 
 def test_differences_are_of_the_answers_in_common(answers, tmp_path):
-    """Of two values and one, of aspects that one store lacks, of views without an answer."""
+    """One store has a second pulse width; the other lacks an aspect, and answers at another."""
     at_widths, single = answers
     first = store(tmp_path / "a.zarr", at_widths, pulse_width=[10.0, 30.0])
     correct = np.where(np.arange(19) == 4, -1, single[:, 1:])
@@ -67,7 +67,7 @@ def test_the_other_way_round_is_the_opposite(answers, tmp_path):
 
 @pytest.mark.parametrize("better", [0, 1])
 def test_what_changed_most_is_said_either_way(better, tmp_path):
-    right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten, and one
+    right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten; negated, one in ten
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
     sentence, chance = change_sentences(compare(*paths))
     ends, sign = (("90", "10"), "-") if better == 0 else (("10", "90"), "+")
@@ -78,7 +78,7 @@ def test_what_changed_most_is_said_either_way(better, tmp_path):
 
 
 def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_largest(tmp_path):
-    """Of two cells, 2 of 4 views changed in one, and 16 of 40 in the other."""
+    """In one cell the answers to 2 of 4 views change, and in the other to 16 of 40."""
     paths = []
     for name, few, many in (("a", 2, 10), ("b", 4, 26)):
         right = np.full((2, 40), -1)
@@ -150,7 +150,7 @@ def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(an
 
 
 def _family(rng, cells, change):
-    """Answers of two classifiers to 40 views in some cells, the first cell changed."""
+    """Return pairs of answers to 40 views in some cells, with another rate in the first cell."""
     rate = np.full((cells, 1, 1), 0.5)
     rate[0] += change
     answers = [rng.random((cells, 2, 20)) < share for share in (0.5, rate)]
@@ -164,7 +164,7 @@ def _family(rng, cells, change):
 
 
 def test_of_many_comparisons_without_a_difference_few_families_have_one():
-    """At most 5 % of 200 families of 25 null comparisons may err: a test at 1e-4."""
+    """At most 5 % of 200 families of 25 null comparisons may err, by a test at 1e-4."""
     rng = np.random.default_rng(7)
     erred = sum(bool(holm([_family(rng, 25, 0.0)])[0][0].any()) for _ in range(200))
     assert stats.binom.sf(erred - 1, 200, 0.05) > 1e-4, erred
@@ -180,7 +180,7 @@ def test_a_planted_difference_is_significant_and_equal_cells_are_not_counted():
 
 
 def test_holm_steps_down():
-    """As sorted by the largest confidence whose interval leaves out 0, found by bisection."""
+    """Bisection finds the largest confidence whose interval excludes 0, and so each p-value."""
     rng = np.random.default_rng(9)
     pairs = _family(rng, 12, 0.5)
     pairs = Pairs(pairs.first, pairs.second | (rng.random(pairs.first.shape) < 0.5).astype("i1"))
@@ -198,7 +198,7 @@ def test_holm_steps_down():
 
 
 def test_the_interval_over_all_aspects_does_not_depend_on_bins():
-    """So that one bin will do, with draws and views without an answer, and for a cell alone."""
+    """One bin gives the intervals of all, also with replicates, missing answers or one cell."""
     rng = np.random.default_rng(10)
     dims = ("cell", "replicate", "ship", "aspect")
     coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
@@ -256,7 +256,7 @@ def test_equal_stores_that_share_only_a_part_are_said_to(begin, answers, tmp_pat
 
 
 def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
-    """Stores of a table of heights by size, with attributes."""
+    """Write stores of a table of heights by size, with attributes, and return their paths."""
     paths = [tmp_path / f"{'abc'[k]}.zarr" for k in range(len(heights))]
     for k, (path, figures) in enumerate(zip(paths, heights, strict=True)):
         table = xr.Dataset({"height": ("size", figures)}, {"size": list(sizes[: len(figures)])})
@@ -336,7 +336,7 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
 
 @pytest.mark.parametrize("changed", [0, 1])
 def test_the_page_shows_the_largest_change_at_first(changed, tmp_path):
-    """Of two frame counts, whose preferred one does not depend on the change."""
+    """The page selects the frame count whose answers changed, not a preferred one."""
     right = np.ones((3, 2, 2, 20))
     wrong = right.copy()
     wrong[:, changed] = 0

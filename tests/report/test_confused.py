@@ -1,4 +1,4 @@
-"""The two ships most often confused: planted answers, and their picture on the page."""
+"""The report finds the two ships most often confused, and its page shows their picture."""
 
 import numpy as np
 import xarray as xr
@@ -14,7 +14,7 @@ SHIPS, ASPECTS = ["duncan", "horne", "texas"], [0.0, 30.0, 60.0]
 
 
 def answers(order=(0, 1, 2), wrong=(), cnr=(5.0, 10.0)):
-    """Ships named, all right but for some (true, named, aspect); ships in an order."""
+    """Return answers that are right except at each (true, named, aspect), for ships in an order."""
     named = np.tile(np.arange(3)[:, None], (len(cnr), 1, 3))
     for true, other, aspect in wrong:
         named[:, order.index(true), aspect] = order.index(other)
@@ -23,7 +23,7 @@ def answers(order=(0, 1, 2), wrong=(), cnr=(5.0, 10.0)):
 
 
 def test_ships_are_confused_either_way_over_all_classifiers(tmp_path):
-    """Duncan as Horne at 0, Texas as Horne at 30, and Horne as Texas at 60, by two classifiers."""
+    """Two classifiers name Duncan Horne at 0, Texas Horne at 30, and one Horne Texas at 60 deg."""
     groups = {
         "classification__acn": answers(wrong=[(0, 1, 0), (2, 1, 1)]),
         "classification__mnn": answers((2, 0, 1), wrong=[(2, 1, 1), (1, 2, 2), (0, 1, 0)]),
@@ -64,4 +64,4 @@ def test_every_classifier_has_its_confusion_beside_its_scores(smoke_store):
     pairs = ["classifier", "channel"]
     scored = frames["scores"].rows
     assert {*map(tuple, matrix.rows[pairs].values)} == {*map(tuple, scored[pairs].values)}
-    assert "scored" not in matrix.columns  # by which the page would leave out those without
+    assert "scored" not in matrix.columns  # or the page would leave out classifiers without it

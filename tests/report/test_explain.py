@@ -1,4 +1,4 @@
-"""`--explain`: every word of the tables has a meaning, and near words are named for others."""
+"""`--explain` has a meaning for every word of the tables, and near words for unknown ones."""
 
 import pytest
 from commands import ran

@@ -1,4 +1,4 @@
-"""Pictures of flights: drawn from the store when a sweep ends, whole or not at all."""
+"""Reports draw flights from the store on request, and refuse ships that have changed."""
 
 import shutil
 
@@ -20,7 +20,7 @@ PICTURES = ["flight_duncan_3km_175deg.png", "flight_roberts_3km_175deg.png"]
 
 @pytest.fixture
 def store(sisters, tmp_path):
-    """A copy of a store of flights, without tables."""
+    """Return a copy of a store of flights, without tables."""
     shutil.copytree(sisters, tmp_path / "s.zarr")
     return tmp_path / "s.zarr"
 
@@ -85,7 +85,7 @@ CHOICES = {
 
 @pytest.mark.parametrize("chosen", CHOICES.values(), ids=CHOICES)
 def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
-    """Whatever the choices: the same pixels, in the same place."""
+    """For all choices of corrections, chains and inputs, the pixels and their places are equal."""
     overrides = [item for item in FLIGHTS if not item.startswith("grid.")]
     path, ship = tmp_path / "s.zarr", ("grid.ship=roberts", "grid.aspect=175")
     swept(path, tmp_path / "cache", *overrides, *ship, *chosen)
@@ -99,7 +99,7 @@ def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
 
 
 def assert_drawn(flight, attributes, mesh):
-    """The last corrected stage of a flight is its stored image, and nothing of it is cut off."""
+    """Assert that a flight's last corrected stage is its stored image, with nothing cut off."""
     *_, (title, last), _ = correction_stages(mesh, **scan_of(attributes, flight, mesh)).items()
     assert "all corrections" in title
     stored = flight.intensity.transpose("row", "column").sel(row=last.row, column=last.column)
@@ -109,7 +109,7 @@ def assert_drawn(flight, attributes, mesh):
 
 
 def flown(cnr=20.0):
-    """The ship, and raw images of it."""
+    """Return the ship's mesh, and a recorded scan of it."""
     mesh = ncti.ships.load("roberts")
     flight = Flight(
         slant_range=3000.0,

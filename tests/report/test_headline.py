@@ -1,4 +1,4 @@
-"""The first sentence of a report: which classifier is best, where, with interval and chance."""
+"""The first sentence of a report names the best classifier, its scores, intervals and chance."""
 
 import re
 
@@ -23,7 +23,7 @@ def sentence(tmp_path, attributes, **tables):
 
 
 def shares(*values, **axes):
-    """Scores of some shares along an axis, with intervals of a tenth to either side."""
+    """Return scores of given shares along an axis, with intervals of a tenth to either side."""
     table = scores(**axes)
     along = xr.DataArray(list(values), dims=next(n for n, v in axes.items() if isinstance(v, list)))
     for name, beyond in (("accuracy", 0), ("ci_low", -0.1), ("ci_high", 0.1)):
@@ -61,7 +61,7 @@ ONE, NONE = "1 of 2 values of CNR, the one that all have.", "none is shared."
     ids=["mean", "one end", "equal", "failed where all are poor", "failed", "none in common"],
 )
 def test_the_best_has_the_highest_mean_over_shared_values(correlation, acn, best, ranked, tmp_path):
-    """Of equals it is the simplest; a classifier that failed where all are poor is no better."""
+    """Of equals the simplest is best; a classifier gains nothing by failing where all are poor."""
     tables = {
         "tables__correlation": displayed(shares(*correlation, cnr=[23.0, 32.0]), "correlation"),
         "tables__acn": displayed(shares(*acn, cnr=[23.0, 32.0])),

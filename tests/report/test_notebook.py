@@ -1,4 +1,4 @@
-"""Charts in notebooks: the same as the page's of a table, and refused arguments."""
+"""Charts in notebooks have the rows and scales of the page, and refuse other arguments."""
 
 import html
 import re
@@ -17,7 +17,7 @@ AXES = {"cnr": [5.0, 10.0, 20.0], "range": [25.0, 50.0]}
 
 
 def document(made):
-    """The document in the frame of a notebook's output."""
+    """Return the parsed page in the frame of a notebook's output."""
     (source,) = re.findall(
         r'^<iframe srcdoc="(.*?)" sandbox="allow-scripts', made._repr_html_(), re.S
     )

@@ -1,4 +1,4 @@
-"""The report costs no results: files come first and whole, and any screen will do."""
+"""Reports write whole files for any screen, and overwrite no file that they did not write."""
 
 import io
 import os
@@ -29,7 +29,7 @@ AXES = {"pulse_width": [30.0], "range": [100.0], "vigilance": [0.95], "frame_cou
 
 
 def made(path, **axes):
-    """A store of two tables."""
+    """Write a store of two tables."""
     tables = displayed(scores(prefixes=("", "training_"), **AXES, target_free_ifovs=4000, **axes))
     tables.to_zarr(path, group=GROUP, mode="w", consolidated=False)
     formed = categories(7, pulse_width=[30.0], vigilance=[0.95])
@@ -38,12 +38,12 @@ def made(path, **axes):
 
 
 def table(name, value=1):
-    """A table of one cell."""
+    """Return a frame of one cell."""
     return Frame(name, name, pd.DataFrame({"a": [value]}), {"a": Column("a", "a", "a")})
 
 
 def write(folder, *names, value=1):
-    """Write such tables of a store whose tables are in a folder; the paths of other files there."""
+    """Write tables of one cell into a store's folder; return paths of files not overwritten."""
     return write_tables(
         folder.with_name(folder.name.removesuffix("-tables") + ".zarr"),
         [table(name, value) for name in names],
@@ -77,7 +77,7 @@ SCREENS = {  # stdout, stderr, environment
 
 @pytest.fixture(scope="module")
 def ended(whole_store, tmp_path_factory):
-    """Folder and exit status of a report on each screen."""
+    """Return the folder and the exit status of a report for each screen."""
     folders = {name: tmp_path_factory.mktemp("screen") for name in SCREENS}
     cases = []
     for name, (out, err, environment) in SCREENS.items():
@@ -198,7 +198,7 @@ def link_of(path, target):
     path.symlink_to(target)
 
 
-THEIRS = {  # what a user has there, and what of it is in the way
+THEIRS = {  # files of a user, and the one that the message names
     "a table": ({"s-tables/scores.csv": "mine", "s-tables/scan.csv": "mine"}, "scores.csv"),
     "tables": (
         {f"s-tables/{name}.csv": "mine" for name in ("scores", "categories")},
@@ -211,7 +211,7 @@ THEIRS = {  # what a user has there, and what of it is in the way
 
 
 def everything(folder):
-    """Every file below a folder, and where links lead."""
+    """Return the bytes of files and the targets of links below a folder, by relative path."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
@@ -377,7 +377,7 @@ def test_files_of_tables_that_a_new_sweep_lacks_go_and_what_others_wrote_stays(t
     write(folder, "scores", "pears", "plums", "figs")
     (folder / "theirs.csv").write_text("kept")
     (folder / "plums.csv").write_text("changed by hand")
-    for _ in range(2):  # whoever ran last
+    for _ in range(2):  # a second report changes nothing
         write(folder, "scores", "figs")
         assert set(contents(folder)) == {"scores.csv", "figs.csv", "plums.csv", "theirs.csv"}
     write(folder, "plums")

@@ -1,4 +1,4 @@
-"""The report page: its head, its safety, and tables that need no script."""
+"""The report page states results and failures first, is safe, and has tables without a script."""
 
 import base64
 import hashlib
@@ -19,7 +19,7 @@ from sweeps.report.outputs import page_file
 from sweeps.report.scales import axis_of, figure_of, scale_of
 from sweeps.report.timings import write_timings
 
-LARGEST = 5_000_000  # bytes of the page of the smoke experiment, 0.9 MB of them for charts
+LARGEST = 5_000_000  # bytes of the smoke experiment's page, of which charts take 0.9 MB
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def smoke(smoke_store):
 
 
 def states(*given):
-    """A group of states of some cells."""
+    """Return a dataset of the states of some cells."""
     return xr.Dataset({"extent": ("ship", np.array(given, dtype="i1"))})
 
 
@@ -113,7 +113,7 @@ def test_cells_are_counted_as_on_the_screen(tmp_path):
 
 
 def test_a_page_is_there_when_every_cell_of_a_classifier_failed(tmp_path):
-    empty = scores(frame_count=[4, 8]).where(False)  # no accuracy, of no answers
+    empty = scores(frame_count=[4, 8]).where(False)  # no answers, and so no accuracy
     empty["n"] = empty.n.fillna(0).astype("i4")
     why = {"acn frame_count=4": "ValueError: shapes", "acn frame_count=8": "ValueError: shapes"}
     attributes = {"configuration": {}, "title": "T", "failures": why}
@@ -284,7 +284,7 @@ def test_nothing_of_the_page_is_elsewhere(smoke):
 
 
 def luminance(colour):
-    """Relative luminance of a colour (WCAG 2.2)."""
+    """Return the relative luminance of a colour (WCAG 2.2)."""
     share = np.asarray(colour) / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return float(linear @ [0.2126, 0.7152, 0.0722])
@@ -297,7 +297,7 @@ def contrast(first, second):
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_and_curves_stand_out(scheme):
-    """WCAG 2.2: 4.5 for text (1.4.3), 3 for the colours of curves (1.4.11)."""
+    """Contrast is at least 4.5 for text (WCAG 2.2, 1.4.3) and 3 for curves (1.4.11)."""
     style = files("sweeps.report.page").joinpath("templates/page.css").read_text(encoding="utf-8")
     blocks = re.findall(r":root \{(.*?)\}", style, re.DOTALL)
     block = blocks[("light", "dark").index(scheme)]

@@ -1,4 +1,4 @@
-"""Figures of the report page, and its file: when it is written, and errors in writing it."""
+"""The report page is written whole, and again after changes; it shows run times and ships."""
 
 import base64
 import errno

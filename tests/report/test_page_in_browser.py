@@ -1,4 +1,4 @@
-"""The report page in a real browser: its selectors and width, and that it loads nothing else."""
+"""The report page works in a real browser, fits its width, and loads no other file."""
 
 import csv
 import io
@@ -37,7 +37,7 @@ def give_up(reason):
 
 
 def executable():
-    """The browser that is installed."""
+    """Return the path of an installed browser, or give up."""
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     return path or give_up(f"none of {', '.join(BROWSERS)} is installed")
 
@@ -62,7 +62,7 @@ def file(smoke_store):
 
 @pytest.fixture(scope="module")
 def two_axes(tmp_path_factory):
-    """The page of two classifiers over four CNRs and three ranges, and of a constant."""
+    """Return a store with a page: classifiers over four CNRs and three ranges, and a constant."""
     axes = {"cnr": [5.0, 10.0, 20.0, 30.0], "range": [25.0, 50.0, 100.0]}
     tables = {
         "tables__acn": displayed(scores(0, **axes)),
@@ -77,7 +77,7 @@ def two_axes(tmp_path_factory):
 
 
 def new_page(browser, **options):
-    """A page that waits for two minutes, as on a machine with other work it must."""
+    """Return a page with a timeout of two minutes, for machines that have other work."""
     page = browser.new_page(**options)
     page.set_default_timeout(120_000)
     return page
@@ -85,7 +85,7 @@ def new_page(browser, **options):
 
 @contextmanager
 def open_page(browser, file):
-    """A page on a desk; fails where it asks for another file, or complains."""
+    """Yield a file's page on a desktop; fail if it requests another file or logs a message."""
     page = new_page(browser, viewport=DESK)
     requests, wrong = [], []
     page.on("request", lambda request: requests.append(request.url))
@@ -101,7 +101,7 @@ def open_page(browser, file):
 
 @pytest.fixture(scope="module")
 def smoke_page(browser, file):
-    """The page of the smoke experiment."""
+    """Yield the page of the smoke experiment."""
     with open_page(browser, file) as page:
         page.locator("#table-scores svg").first.wait_for()
         page.start = page.evaluate(
@@ -113,7 +113,7 @@ def smoke_page(browser, file):
 
 @pytest.fixture
 def both(browser, two_axes):
-    """The page of two axes."""
+    """Yield the page of the store of two axes."""
     with open_page(browser, page_file(two_axes)) as page:
         page.locator("#table-scores .heat svg").wait_for()
         yield page
@@ -124,7 +124,7 @@ def choose(page, axis, label):
 
 
 def shown_rows(page, table):
-    """The texts of the rows of a table that are shown, a list a row."""
+    """Return the texts of a table's visible rows, as a list for each row."""
     rows = page.locator(f"#table-{table} tbody tr:visible")
     return [
         [text for text in row.locator("th:visible, td").all_inner_texts()] for row in rows.all()
@@ -132,11 +132,11 @@ def shown_rows(page, table):
 
 
 MARKS = "{section} figure.{kind} svg g.mark-{mark}.role-mark > *"
-"""Selector of the marks of a chart of one kind, those of its legend included."""
+"""Selector of the marks of one kind of chart, including those of its legend."""
 
 
 def marks(page, kind, mark, section="#table-scores"):
-    """The marks of a chart."""
+    """Return the locator of a chart's marks."""
     return page.locator(MARKS.format(section=section, kind=kind, mark=mark))
 
 
@@ -213,7 +213,7 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
 
 @pytest.mark.parametrize("failed", [(0, 5.0), (1, 20.0)])
 def test_the_headline_ranks_by_values_that_all_have(browser, failed, tmp_path):
-    """One of two classifiers failed at a value, on the page as on the screen, from the start."""
+    """One of two classifiers failed at one CNR; the page opens with the command's sentence."""
     datasets = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
     number, cnr = failed
     datasets[number] = datasets[number].where(datasets[number].cnr != cnr)
@@ -283,7 +283,7 @@ def test_curves_are_coloured_by_a_second_axis_with_a_titled_legend(both):
 
 def test_a_heat_map_has_the_values_of_both_axes(both, two_axes):
     both.locator("#table-scores label.of select").select_option(label="MNN")
-    both.reload()  # the address has it
+    both.reload()  # the address keeps the choice
     both.locator("#table-scores .whose", has_text="MNN").wait_for()
     rows = read_frames(two_axes)["scores"].rows
     rows = rows[(rows.classifier == "mnn") & (rows.aspect_bin_deg == "overall")]
@@ -345,7 +345,7 @@ CUT = """[...document.querySelectorAll("body *")].filter((node) => {
     && style.overflowX !== "visible"
     && !style.backgroundImage.includes("gradient") && !node.closest("svg, select");
 }).map((node) => node.outerHTML.slice(0, 99))"""
-"""Elements wider than their place, without the shadow that says so."""
+"""Script that lists elements wider than their box, unless a shadow shows that they are."""
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -1,4 +1,4 @@
-"""The end of a sweep: a headline, one table of figures that the files have, and paths."""
+"""A sweep ends by printing a headline, one table of figures from its files, and paths."""
 
 import io
 import math
@@ -22,7 +22,7 @@ from sweeps.report.summary import finish, print_answer, report, tables_of
 
 
 def page(path, width=80):
-    """Text printed at the end of a sweep."""
+    """Return the text printed at the end of a sweep."""
     console = Console(file=io.StringIO(), width=width)
     print_answer(path, tables_of(path), console)
     finish(path, tables_of(path), console)
@@ -34,7 +34,7 @@ def unwrapped(text):
 
 
 def table_of(text):
-    """The lines of the one table of a page: its heading, and its rows."""
+    """Return the lines above the rule of the only table, and its rows as lists of words."""
     above, _, below = text.partition("────\n")
     return above.splitlines(), [line.split() for line in below.split("\n\n")[0].splitlines()]
 
@@ -147,7 +147,7 @@ def test_a_function_over_a_grid_has_words_and_a_table(tmp_path):
 
 
 def test_settings_that_run_together_are_one_axis(tmp_path):
-    """That of their labels, or of the first setting of distinct values; the others are noted."""
+    """It has their labels, or the first setting's distinct values; a note lists the others."""
     cases = {"base": ("case", [2, 3, 4]), "exponent": ("case", [10, 5, 7])}
     for name, labels in (("labelled", {"case": ["a", "b", "c"]}), ("plain", {})):
         values = xr.Dataset(cases, labels)
@@ -160,7 +160,7 @@ def test_settings_that_run_together_are_one_axis(tmp_path):
     assert [row[0] for row in table_of(text)[1][:3]] == ["2", "3", "4"]
     assert "Base 2: exponent 10; base 3: exponent 5; base 4: exponent 7." in unwrapped(text)
     columns = frame(tmp_path / "plain.zarr", "power").columns
-    assert {"base", "exponent", "power"} <= set(columns)  # as the file has them
+    assert {"base", "exponent", "power"} <= set(columns)  # the file has all three
 
 
 def test_zipped_settings_have_a_curve(tmp_path):
@@ -211,7 +211,7 @@ def test_without_an_axis_classifiers_stand_down(tmp_path):
 
 
 def test_the_error_of_profiles_is_said_once_on_screen_and_page(smoke_store):
-    """As a percentage of two digits, rounded up, that 95 % of the bounds are within."""
+    """It is a percentage of two digits, rounded up, that 95 % of the errors do not exceed."""
     errors = xr.open_zarr(smoke_store, group="range_profile").profile_error
     html = page_file(smoke_store).read_text()
     for text in (page(smoke_store), html):

@@ -1,4 +1,4 @@
-"""Tables on a screen: no line too wide, no word broken, no figure lost."""
+"""Printed tables fit the width of the screen, break no word and lose no figure."""
 
 import io
 import math
@@ -31,7 +31,7 @@ def printed(frame, width, swept=(), max_rows=None):
 
 @pytest.fixture(scope="module")
 def frames(smoke_store, sisters):
-    """All tables of two stores, and one along many axes."""
+    """Return all tables of two stores, and one table along many axes."""
     axes = {"vigilance": [0.9, 0.95], "cnr": [20.0, 30.0], "frame_count": [4, 16]}
     more = {"pulse_width": [30.0, 50.0], "gain_sigma": [0.0, 1.0], "left_out": [False, True]}
     many = tidy_frame(scores(**axes, **more), DISPLAY, "tables/acn")

@@ -1,4 +1,4 @@
-"""Frames: every figure of every table is the number of the store at its place, and labelled."""
+"""Frames have each number of the store's tables at its place, with labels and units."""
 
 import math
 import subprocess
@@ -22,12 +22,12 @@ from sweeps.report.words import MAIN, is_missing
 
 @cache
 def group_of(path, name):
-    """A group of a store, read by xarray alone."""
+    """Return a group of a store, read by xarray alone."""
     return xr.open_zarr(path, group=name).load()
 
 
 def number_at(path, part, column, row):
-    """The number of the store that a column of a row shows."""
+    """Return the number of the store that a column of a row shows."""
     array = group_of(path, part.group)[part.variables[column]]
     place = {dim: row[part.names[dim]] for dim in part.dims[column] if dim in part.names}
     absent = {dim for dim, value in place.items() if is_missing(value)}
@@ -60,7 +60,7 @@ def test_every_figure_is_the_number_of_the_store_at_its_place(name, request):
 
 
 def test_every_cell_of_a_store_is_a_row(smoke_store):
-    """None is lost, none is repeated: a row per place on the axes of the main figure."""
+    """No cell is lost or repeated: each place on the table's axes has one row."""
     for tidied in read_frames(smoke_store).values():
         for k, part in enumerate(tidied.parts):
             rows = tidied.rows[tidied.rows[PART] == k]
@@ -160,6 +160,6 @@ def test_preferred_values_are_declared_defaults():
         defaults.setdefault(setting.name, []).extend(
             default if type(default) is list else [default]
         )
-    other = {"aspect", "kind"}  # of another meaning in a table
+    other = {"aspect", "kind"}  # they have another meaning in a table
     for name in MAIN.keys() & defaults.keys() - other:
         assert MAIN[name] in defaults[name], name

@@ -1,9 +1,9 @@
-"""Fixtures of several tests of stages."""
+"""Fixture that several test files of stages use."""
 
 import pytest
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Folder in which sweeps of flights of one module share results."""
+    """Return the folder in which a module's sweeps of flights share results."""
     return tmp_path_factory.mktemp("flights")

@@ -1,4 +1,4 @@
-"""Sweeps of small flights: coarse pixels and few lines, in a tenth of a second each."""
+"""Helpers that sweep small flights: coarse pixels and few lines, a tenth of a second each."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ ROOT = ("sensor", "seed")
 
 
 def read(**given):
-    """Choices of small flights; keys have __ for dots, and no group where that is irar."""
+    """Return choices of small flights; keys have __ for dots, and need no group for irar."""
     keys = {
         key.replace("__", ".") if "__" in key or key in ROOT else f"irar.{key}": value
         for key, value in given.items()
@@ -38,12 +38,12 @@ def read(**given):
 
 
 def checked(**given):
-    """The same, checked."""
+    """Return the same choices, checked."""
     return measured.check(flights.check(read(**given)))
 
 
 def flown(folder, name="s", **given):
-    """Path of the store of a sweep of small flights; finished cells are kept in the folder."""
+    """Sweep small flights and return the path of the store; the folder keeps finished cells."""
     inline = ClusterChoice(kind="inline")
     options = RunOptions(Path(folder) / f"{name}.zarr", sharing_ships(folder / "cache"), inline)
     summary = sweep(Plan(EXPERIMENT, checked(**given)), options, Callbacks(lambda text: None))
@@ -52,7 +52,7 @@ def flown(folder, name="s", **given):
 
 
 def at(found, **values):
-    """One flight past one ship; the first on every other axis."""
+    """Return one flight past one ship, the first on every axis without a given value."""
     errors = list(
         zip(np.atleast_1d(found.error_parameter), np.atleast_1d(found.error_value), strict=True)
     )
@@ -63,7 +63,7 @@ def at(found, **values):
 
 
 def in_window(found, name, window):
-    """An image within its cell's own window; there must be nothing outside."""
+    """Return an image within its cell's window, and assert that it is empty outside."""
     rows = slice(window.bottom, window.bottom + window.rows - 1)
     columns = slice(window.left, window.left + window.columns - 1)
     inside = found[name].sel(row=rows, column=columns)

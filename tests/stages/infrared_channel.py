@@ -1,4 +1,4 @@
-"""The infrared channel: its experiment, and a ship of two boxes before its detector."""
+"""Settings of the infrared channel, and views of a ship of two boxes by its detector."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ IMAGER = {
 
 
 def drawn(pixel=0.5, roll=31.7):
-    """Range image of the boxes, all of them as far away."""
+    """Return a range image of the boxes, which are all as far away."""
     shape = (round(160 / pixel),) * 2
     flat = np.zeros((*shape, 2), dtype=np.float32)
     empty = RangeImage(np.zeros(shape), flat, pixel, (-80, -80), 0, 0, roll)
@@ -38,7 +38,7 @@ PATCHES = Hits.of(drawn()).patches()
 
 
 def view_from(slant_range, **changed):
-    """The boxes before the detector at a range [km]."""
+    """Return the detector's view of the boxes at a range [km]."""
     view = {"ship": "boxes", "aspect": 60.0, "drawn_aspect": 60.0, "range": slant_range * 1e3}
     detector = {name: changed.pop(name, default) for name, default in DETECTOR.items()}
     return infrared.detector_view(HITS, Imager(**{**IMAGER, **changed}), **view, **detector)

@@ -1,4 +1,4 @@
-"""The range channel alone: its experiment, and profiles of one cell that are made up."""
+"""Choices of the range channel, and synthetic profiles of one cell."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,7 @@ from sweeps.stages import classifier
 from sweeps.stages.arguments import settings_by_last_word
 
 SHIPS = 3
-# Both sides of every edge between aspect bins, and their numbers.
+# Aspects on both sides of every edge between aspect bins, and the numbers of their bins.
 ASPECTS = (0.0, 29.9, 30.0, 59.9, 60.0, 90.0)
 GROUP = np.array([0, 0, 1, 1, 2, 2])
 FRAMES = (4, 16)
@@ -21,19 +21,19 @@ EDGE = 5  # bins at either end, 8 % of them, that no ship reaches
 FLOOR = 5.0
 NAMED = ("a", "b", "c")
 
-# Of one frame, with noise in two neighbouring bins and a variance that differs between views.
+# Covariance of one frame at lags 0, 1 and 2, which `bands` scales differently for each view.
 BAND = np.array([1.0, 0.4, 0.1])
 
 
 def choose(**given):
-    """Choices of the range channel; keys have __ for dots."""
+    """Return choices of the range channel; keys have __ for dots."""
     return read_choices(
         EXPERIMENT.declared, {key.replace("__", "."): value for key, value in given.items()}
     )
 
 
 def called(stage, **given):
-    """Result of a stage, with the default in SI of every setting that is not given."""
+    """Return the result of a stage, with the default in SI of every setting not given."""
     settings = {
         name: setting
         for group in stage.uses
@@ -48,7 +48,7 @@ def called(stage, **given):
 
 
 def learned(unknown=None, training_aspect=None):
-    """(ship, aspect): views of the cells below that are learned."""
+    """Return the (ship, aspect) mask of the views below that are learned."""
     selection = classifier.AspectSelection(training_aspect, None, ())
     return classifier.training_views(NAMED, ASPECTS, unknown, selection)
 
@@ -61,7 +61,7 @@ class Cell:
     ----------
     expected : (ship, aspect, bin) float32 ndarray
     averaged : (replicate, frame_count, ship, aspect, bin) float32 ndarray
-    there : (ship, aspect) bool ndarray
+    valid : (ship, aspect) bool ndarray
     """
 
     expected: np.ndarray
@@ -69,7 +69,7 @@ class Cell:
     valid: np.ndarray
 
     def without(self, ship, aspect):
-        """Some views lost: filled, as the engine fills them."""
+        """Return the cell with some views lost and filled with NaN, as the engine fills them."""
         valid = self.valid.copy()
         valid[ship, aspect] = False
         expected, averaged = self.expected.copy(), self.averaged.copy()
@@ -77,12 +77,12 @@ class Cell:
         return Cell(expected, averaged, valid)
 
     def changed(self, **arrays):
-        """The same with other arrays."""
+        """Return the cell with other arrays."""
         return replace(self, **arrays)
 
 
 def made(noise=0.3, seed=0):
-    """Profiles of distinct views on a floor, and averages with white noise."""
+    """Return a cell of distinct profiles on a floor, and their averages with white noise."""
     rng = np.random.default_rng(seed)
     views = (SHIPS, len(ASPECTS), BINS)
     expected = np.full(views, FLOOR)
@@ -95,7 +95,7 @@ def made(noise=0.3, seed=0):
 
 
 def directions(profiles):
-    """Profile vectors of unit length, from their definition."""
+    """Return profile vectors of unit length, computed from their definition."""
     values = np.asarray(profiles, dtype=np.float64)
     ends = np.concatenate([values[..., :EDGE], values[..., -EDGE:]], axis=-1)
     above = values - ends.mean(axis=-1, keepdims=True)
@@ -103,7 +103,7 @@ def directions(profiles):
 
 
 def bands(cell, variance=0.1):
-    """(ship, aspect, lag, bin): a covariance of one frame for every view."""
+    """Return a covariance of one frame for every view, (ship, aspect, lag, bin)."""
     shape = cell.valid.shape
     scale = variance * (1 + 0.01 * np.arange(cell.valid.size).reshape(shape))
     band = scale[..., None, None] * np.broadcast_to(BAND[:, None], (len(BAND), BINS))
@@ -114,7 +114,7 @@ def bands(cell, variance=0.1):
 
 
 def dense(band):
-    """The covariance that a band of lags stands for."""
+    """Return the covariance matrix that a band of lags stands for."""
     covariance = np.diag(band[0].astype(np.float64))
     for lag in range(1, len(band)):
         beside = np.diag(band[lag, : BINS - lag].astype(np.float64), lag)
@@ -123,7 +123,7 @@ def dense(band):
 
 
 def few_learned(aspects, learned=20):
-    """Mask of views learned, their templates with it, and (ship, aspect, bin) averages in noise."""
+    """Return the mask of views learned, templates with it, and noisy (ship, aspect, bin) data."""
     rng = np.random.default_rng(aspects)
     known = np.zeros((SHIPS, aspects), dtype=bool)
     known[:, :: aspects // learned] = True

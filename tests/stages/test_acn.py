@@ -1,4 +1,4 @@
-"""The Adaptive Clustering Network on a handful of vectors by hand, and its stages on made views."""
+"""The stages of the Adaptive Clustering Network answer as the library's network does."""
 
 import warnings
 
@@ -33,7 +33,7 @@ def unit(degrees):
 
 @pytest.mark.parametrize("unknown", [0, 1])
 def test_unknown_ships_move_no_category_of_known_ones(unknown):
-    """Whatever they look like, and wherever they stand among the ships."""
+    """It holds for two looks of the unknown ship, as the first and as the second ship."""
     known = 1 - unknown
     training_views = np.zeros((2, 2), dtype=bool)
     training_views[known] = True
@@ -54,7 +54,7 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
     for before, after in zip(first, second, strict=True):
         np.testing.assert_array_equal(before[known], after[known])
     np.testing.assert_allclose(first[1][known], np.cos(np.radians([3.0, 10.0])), atol=1e-12)
-    # They meet categories that known ones have moved half the way: from 0 to 1.5 deg.
+    # Unknown ones match categories that known ones moved half the way, from 0 to 1.5 deg.
     moved = np.cos(np.radians(40.0 - 1.5))
     assert first[1][unknown, 0] == pytest.approx(moved, abs=1e-6)
 
@@ -69,7 +69,7 @@ of_both = pytest.mark.parametrize("kind", list(SEE))
 
 
 def views_of(kind):
-    """(ship, aspect, ...) views, and noisy (frame_count, ship, aspect, ...) tests of them."""
+    """Return (ship, aspect, ...) views, and noisy (frame_count, ship, aspect, ...) tests."""
     if kind == "profiles":
         cell = made(noise=5.0)
         return cell.expected, cell.averaged[0]
@@ -82,12 +82,12 @@ def views_of(kind):
 
 
 def stacked(rows):
-    """Mappings of arrays as one mapping of arrays with an axis more."""
+    """Return mappings of arrays, stacked to one mapping along a new first axis."""
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
 def trained(kind, views, orders, levels, label, valid=None, training_views=None):
-    """Arguments of the stage of tests that come from the stages of training."""
+    """Return the training set and the categories formed, by order and level."""
     valid = np.ones(views.shape[:2], dtype=bool) if valid is None else valid
     training_views = np.ones_like(valid) if training_views is None else training_views
     training_set = {"profiles": acn.profile_training_set, "maps": acn.silhouette_training_set}[
@@ -109,7 +109,7 @@ def answered(
     kind, views, orders=ORDERS, levels=None, frames=(0, 1), rules=RULES[1],
     valid=None, learn=False, training_views=None,
 ):  # fmt: skip
-    """Arrays of the stage of tests, called as the engine calls it."""
+    """Return the arrays of the stage of tests, called as the engine calls it."""
     seen, tests = views
     valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
     label, score = rules
@@ -121,7 +121,7 @@ def answered(
 @of_both
 @pytest.mark.parametrize("learn", [False, "all read at once", "in blocks"])
 def test_the_stages_are_the_network(kind, learn, monkeypatch):
-    """Trained in every order and tested with the same vectors, one after the other."""
+    """The network is trained in each order, and tested with the same vectors one by one."""
     if learn == "in blocks":
         monkeypatch.setattr(acn, "HELD_ROWS", 1)
         monkeypatch.setattr(acn, "row_blocks", lambda count: row_blocks(count, 4))
@@ -159,7 +159,7 @@ def test_the_stages_are_the_network(kind, learn, monkeypatch):
 
 @of_both
 def test_views_that_are_not_there_change_no_other_answer(kind):
-    """Answers are those of a grid that never had them."""
+    """The other answers are equal to answers in a grid without these views."""
     seen, tests = views_of(kind)
     valid = np.ones(seen.shape[:2], dtype=bool)
     valid[2] = False
@@ -177,7 +177,7 @@ def test_views_that_are_not_there_change_no_other_answer(kind):
 
 @of_both
 def test_by_category_views_outside_training_are_not_asked_for(kind):
-    """They fall into categories all the same; by ship they are asked for."""
+    """They have categories all the same, and scores by ship count them."""
     training_views = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
     training_views[1], training_views[:, 3] = False, False
     views = views_of(kind)
@@ -206,7 +206,7 @@ def test_orders_of_presentation_but_that_of_the_grid_are_drawn_from_the_seed():
 
 
 def few_learned(aspects, learned, seed=0):
-    """Three ships in noise: (ship, aspect, bin) views and tests of them, and those learned."""
+    """Return (ship, aspect, bin) views of three ships, noisy tests, and a mask of those learned."""
     rng = np.random.default_rng(seed)
     views = np.abs(rng.standard_normal((3, aspects, 40))).astype(np.float32)
     tests = (views + 0.3 * rng.standard_normal(views.shape)).astype(np.float32)
@@ -220,7 +220,7 @@ def few_learned(aspects, learned, seed=0):
 def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     aspects, learned, seed
 ):
-    """With all views in one training set and all tests at once, only some views presented."""
+    """The reference has all views in one training set, and matches all tests at once."""
     views, tests, training_views = few_learned(aspects, learned, seed)
     valid = np.random.default_rng(seed).random(training_views.shape) < 0.9
     valid[training_views.nonzero()[0][0], training_views.nonzero()[1][0]] = True
@@ -245,7 +245,7 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     np.testing.assert_array_equal(
         answers["category"][0][valid], category.reshape(valid.shape)[valid]
     )
-    # Sums over features or over all views, zero where one is not learned, of cosines with weights.
+    # Rounding of sums over features or all views, with weights of 0 for views not learned.
     bound = 4 * valid.size * np.finfo(float).eps * max(1, np.abs(of_all_views["weights"]).max())
     cosine = cosine.reshape(valid.shape)[valid]
     np.testing.assert_allclose(answers["similarity"][0][valid], cosine, rtol=0, atol=bound)
@@ -264,5 +264,5 @@ def test_memory_of_tests_is_in_proportion_to_their_number():
 
     peak(60)  # imports
     small, large = peak(500), peak(4_000)
-    assert large < 8 * small  # sixty-four times, if all were held against all
+    assert large < 8 * small  # 64 times, if it held cosines of all pairs of views
     assert large < 10 * 3 * 4_000 * 40 * 8

@@ -1,4 +1,4 @@
-"""Nearest neighbours by correlation on profiles made up, against answers by hand."""
+"""The correlation stage names the ship of the most similar profile learned."""
 
 from itertools import product
 
@@ -13,7 +13,7 @@ BOTH = (False, True)
 
 
 def answered(cell, training="expected", left_out=(False,), frames=0, **training_views):
-    """Answers of all replicates, (replicate, left_out, ship, aspect)."""
+    """Return answers of all replicates, (replicate, left_out, ship, aspect)."""
     ships, aspects = cell.valid.shape
     averaged = cell.averaged[:, frames]
     draws = correlation.profile_draws(averaged, np.isfinite(averaged).all(axis=-1), training)
@@ -56,7 +56,7 @@ def test_it_is_the_most_similar_profile(training, frames):
             assert answers["predicted"][index] == name
             assert answers["correct"][index] == (name == ship)
             assert answers["similarity"][index] == pytest.approx(cosines.max(), abs=1e-7)
-    # Neither all right nor all wrong: a wrong rule would show.
+    # Some answers are right and some are wrong, so that a wrong rule would show.
     for j in range(2):
         assert 0 < answers["correct"][:, j].mean() < 1
 
@@ -100,7 +100,7 @@ def test_views_that_are_not_learned_are_named_alone(training):
 
 
 def test_a_flat_profile_that_was_learned_answers_for_none():
-    """Its cosine of 0 is more than those of profiles that are opposite."""
+    """Its cosine of 0 does not count, though the other profile's cosine is negative."""
     cell = made()
     expected = np.full((2, 1, BINS), FLOOR, dtype=np.float32)
     expected[1, 0, 20:30] += 1
@@ -115,7 +115,7 @@ def test_a_flat_profile_that_was_learned_answers_for_none():
 
 
 def matched(aspects, left_out, learned_every=1):
-    """Most memory [B] held for answers about three ships in noise, which are those of vectors."""
+    """Return the peak memory [B] of answers about three noisy ships, and check them by vectors."""
     rng = np.random.default_rng(aspects)
     expected = rng.standard_normal((3, aspects, 16)).astype(np.float32)
     averaged = expected + rng.standard_normal(expected.shape).astype(np.float32)
@@ -139,12 +139,12 @@ def matched(aspects, left_out, learned_every=1):
 @pytest.mark.parametrize("left_out", BOTH)
 def test_memory_of_answers_is_in_proportion_to_the_views(left_out):
     small, large = (matched(aspects, left_out) for aspects in (500, 2_000))
-    assert large < 5 * small  # sixteen times, if all views were held against all
+    assert large < 5 * small  # 16 times, if it held cosines of all pairs of views
 
 
 def test_views_that_are_only_tested_cost_no_memory_but_their_own():
     small, large = (matched(600 * times, left_out=True, learned_every=times) for times in (1, 8))
-    # Eight times the tests of as many templates: a block of cosines, and some numbers a view.
+    # For eight times the tests of as many templates: one block of cosines, some numbers a view.
     assert large < 1.5 * small
 
 

@@ -1,4 +1,4 @@
-"""Corrected flights: chains, windows that hold the ship, landmarks, and nothing but noise."""
+"""Flights are corrected by the chosen chain, within windows that hold the ship, in any noise."""
 
 import math
 import warnings
@@ -16,7 +16,7 @@ from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 
 @pytest.mark.parametrize(("chain", "rate"), [("printed", "line"), ("printed_pulse_rate", "pulse")])
 def test_the_source_s_chain_is_a_choice(chain, rate, folder):
-    """Its image by the library, with the estimate of the cell."""
+    """The image and the profile are the library's, with the estimate of the cell."""
     settings = {
         "chain": ["exact", "printed", "printed_pulse_rate"],
         "errors": {"aircraft_speed": 1},
@@ -36,13 +36,13 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     stored = in_window(ours, "intensity", window)
     np.testing.assert_array_equal(stored, image.intensity.astype(np.float32))
     np.testing.assert_array_equal(ours.profile[0], profile(image, estimate).astype(np.float32))
-    # The exact chain is there for the tilt that it leaves behind.
+    # The printed chain leaves a tilt of more than 1.0, the exact chain less than 0.5.
     leans = [abs(float(at(flights, chain=way).noiseless_mast_tilt)) for way in ("exact", chain)]
     assert leans[0] < 0.5 and leans[1] > 1.0
 
 
 def test_a_wrong_pointing_leaves_the_ship_in_its_window(folder):
-    """It seems to be 35 or 14 pixels aside, where the window follows it; with as many looks."""
+    """It seems to be 35 or 14 pixels aside, and the window follows it; looks are as many."""
     flights = opened(flown(folder, "pointing", errors={"pointing": [-1, 0.4]}), "validation")
     right = at(flights, error=("none", 0.0))
     middle = {}
@@ -61,7 +61,7 @@ def test_a_wrong_pointing_leaves_the_ship_in_its_window(folder):
 
 
 def test_nothing_but_noise_fails_nothing(folder):
-    """At -30 dB nothing is seen: no landmarks, no likeness, a flat signature, same estimates."""
+    """At -30 dB there are no landmarks and no correlation; signatures are flat, estimates kept."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         path = flown(folder, "noise", cnr=-30, autofocus=True, segmentation_threshold=1e6)

@@ -1,4 +1,4 @@
-"""Scans of flights: every parameter is felt, and passes are shared where they may be."""
+"""Every parameter of a flight changes its scan, and flights draw attitudes of their own."""
 
 from functools import cache
 
@@ -24,7 +24,7 @@ OTHERS = {
 
 
 def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
-    """By jitter alone: one number instead of a flight, drawn from the stream of its attitude."""
+    """`fly` is replaced by one number, drawn from the stream of the flight's attitude."""
     monkeypatch.setattr(irar, "fly", lambda mesh, flight, *, rng, **surface: rng.random())
     mesh, choices = ncti.ships.load("roberts"), read()
     course = {setting.name: choices[setting][0] for setting in FLOWN} | {"jitter": 50.0}
@@ -37,7 +37,7 @@ def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
 
 @pytest.fixture(scope="module")
 def scanned():
-    """Function: the bytes of a scan of given values, made once."""
+    """Return a cached function of some values, which returns the bytes of their scan."""
     mesh, choices = ncti.ships.load("roberts"), read(**FEW)
     view = {"ship": "roberts", "aspect": 175.0, "seed": 0, "reflectance": "projected_area"}
     defaults = {setting.name: choices[setting][0] for setting in (*FLOWN, *RECORDED)}
@@ -60,9 +60,9 @@ def scanned():
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_every_parameter_changes_the_scan(name, scanned, monkeypatch):
-    """With the same noise for all values, so that any difference is their doing."""
+    """All values have the same noise, so that the parameter alone can change the scan."""
     assert set(OTHERS) == {setting.name for setting in (*FLOWN, *RECORDED)}
-    if name != "replicate":  # which has other noise, and no other doing
+    if name != "replicate":  # which changes nothing but the noise
         monkeypatch.setattr(irar, "cell_rng", lambda seed, **_: np.random.default_rng(seed))
     changed = {
         "jitter": 50.0 * (name == "jitter_time"),

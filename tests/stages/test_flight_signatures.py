@@ -1,4 +1,4 @@
-"""Profiles and signatures of flights beside those of the range channel; ships only learned."""
+"""Synthetic signatures of flights are equal to profiles of the range channel."""
 
 import math
 
@@ -13,7 +13,7 @@ from sweeps.engine.resolve.streams import cell_rng
 
 
 def test_synthetic_signatures_are_those_of_the_range_channel(folder):
-    """Same view, same sensor, drawn at the flight's depression; tests have a name of their own."""
+    """View, sensor and depression are the flight's; tests have a random stream of their own."""
     settings = {"depression": 5, "profile_frames": [8, 16], "grid__replicate": 2}
     flights = opened(flown(folder, "deep", **settings), "validation")
     mesh = ncti.ships.load("roberts")

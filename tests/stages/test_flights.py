@@ -1,4 +1,4 @@
-"""Flights of a sweep with two values on axes of every sort: the library by hand, in any grid."""
+"""Flights of a sweep are equal to the library's by hand, and the same in another grid."""
 
 import math
 from dataclasses import replace
@@ -31,7 +31,7 @@ SEVERAL = {
 
 @pytest.fixture(scope="module")
 def several(folder):
-    """A sweep with two values on axes of every sort."""
+    """Return flights of a sweep with two values on axes of every sort."""
     return opened(flown(folder, **SEVERAL), "validation")
 
 
@@ -40,7 +40,7 @@ def several(folder):
     [(("none", 0.0), False), (("aircraft_speed", 1.0), False), (("aircraft_speed", 1.0), True)],
 )
 def test_a_flight_is_the_library_done_by_hand(several, error, focus):
-    """Every variable, from the flight's parameters and the name of its noise."""
+    """Every variable follows from the flight's parameters and the key of its noise."""
     ours = at(several, mast_gain=3, cnr=15, error=error, autofocus=focus, replicate=1)
 
     mesh = ncti.ships.load("roberts")
@@ -125,7 +125,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
     for spread in (1.0, 0.0):
         extent = range_extent(drawn, slant_range=3000.0, ifov=500.0001e-6, spread=spread)
         profiles.append(flight.cnr * extent.fraction.sum(axis=0))
-    # A share of the larger IFOV, which holds a whole pixel.
+    # Shares here are of a slightly larger IFOV, which holds a whole pixel.
     np.testing.assert_allclose(ours.profile, np.array(profiles), rtol=2e-6, atol=1e-6)
     down_range = np.arange(250) - 124.5
     np.testing.assert_array_equal(ours.down_range, down_range)
@@ -161,7 +161,7 @@ def test_a_flight_is_the_library_done_by_hand(several, error, focus):
 
 
 def test_a_flight_is_the_same_in_another_grid(several, tmp_path):
-    """Whatever else there is: other gains, ratios, errors, replicates, ships, and other windows."""
+    """The other grid has other gains, ratios, errors, replicates, ships and windows."""
     other = opened(
         flown(
             tmp_path, seed=7, mast_gain=3, cnr=[12, 20], range=[2.5, 3], offset=5,

@@ -1,4 +1,4 @@
-"""Aspects and ships that nobody learns: drawn, and apart from those that are learned."""
+"""Random aspects and generated ships are in the grid, not learned, and counted apart."""
 
 import numpy as np
 import xarray as xr
@@ -24,7 +24,7 @@ SHIPS = {"grid__ship": ["duncan", "horne"]}
 
 
 def chosen(**settings):
-    """Choices with the drawn aspects and ships in the grid."""
+    """Return choices with the drawn aspects and ships in the grid."""
     return classifier.check(likelihood.check_first(choose(**SHIPS | settings)))
 
 
@@ -42,7 +42,7 @@ def test_every_thirty_degrees_have_as_many_within_the_ends(ends, number, more, s
     for part, start in zip(drawn.reshape(bins.size, number), bins, strict=True):
         first, last = max(low, start), min(high, start + 30)
         assert ((first - 1e-3 <= part) & (part <= last + 1e-3)).all()
-    # More of them begin with the same.
+    # A larger number of draws begins with the same aspects.
     longer = np.array(draw_aspects(low, high, number + more, seed)).reshape(bins.size, -1)
     np.testing.assert_array_equal(longer[:, :number], drawn.reshape(bins.size, number))
 
@@ -61,7 +61,7 @@ def test_they_come_into_the_grid_and_are_not_learned():
 
 
 def test_generated_ships_come_into_the_grid_and_are_the_alternative():
-    """Of each ship learned: variants of sizes between 0.7 and 1.1, whatever else is learned."""
+    """Each ship learned has variants of sizes between 0.7 and 1.1, which no other ship changes."""
     settings = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
     settings["classifier__name"] = ["likelihood"]
     choices = chosen(**settings, classifier__generated=3)
@@ -74,7 +74,7 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     assert choices.value(Classifier.unknown) == tuple(sorted({"roberts", *generated}))
     assert training_ship_mask(choices).sum() == 2
     assert likelihood.check_first(choices).values == choices.values
-    # The first of many, and of fewer ships, are the same.
+    # The first variants do not depend on the numbers of variants and of ships.
     many = generated_ships(["texas"], 200)
     assert set(many[:3]) < set(generated)
     sizes = np.array([Variant.parse(name).size for name in many])
@@ -82,7 +82,7 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     share = np.sort(np.log(sizes / 0.7) / np.log(1.1 / 0.7))
     np.testing.assert_allclose(
         share, (np.arange(200) + 0.5) / 200, atol=2 / 200 + 2e-3
-    )  # three digits
+    )  # names have three digits
 
 
 def test_a_spacing_learns_its_multiples_and_is_an_axis():
@@ -120,5 +120,5 @@ def test_answers_at_several_kinds_of_aspects_are_counted_apart():
         expected = (answers_of_kind == 1).sum() / (answers_of_kind >= 0).sum()
         np.testing.assert_allclose(share.sel(aspects=name, aspect_bin="overall"), expected)
     assert np.isnan(share.sel(aspects="learned", aspect_bin="62"))
-    # Of one kind there is no such dimension.
+    # Without kinds there is no such dimension.
     assert "aspects" not in accuracy_columns(correct, "", "tests", {}).dims

@@ -1,4 +1,4 @@
-"""Profile and silhouette together: by hand on made-up views, and on ships at sea."""
+"""Fusion of profile and silhouette gives the answers computed by hand on synthetic views."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ SHIP = np.repeat(np.arange(SHIPS), len(ASPECTS))
 
 
 def maps():
-    """Maps of templates whose phases differ, and of silhouettes of two numbers of frames."""
+    """Return maps of templates that differ by phase, and of silhouettes of two frame counts."""
     rng = np.random.default_rng(1)
     shape = (*GRID, 4, 3)
     templates = 120 * rng.random((1, *shape)) + 50 * rng.random((PHASES, *shape))
@@ -42,12 +42,12 @@ def maps():
 
 
 def one_of_each(values):
-    """Arrays by number of frames with axes of other settings of silhouettes, of one value each."""
+    """Return arrays by number of frames, with axes of one value for other silhouette settings."""
     return values.reshape(len(values), *(1 for _ in fusion.LOOKS[1:]), *values.shape[1:])
 
 
 def answered(cell, templates, silhouettes, valid=None, **training_views):
-    """Answers (gain, count, look, channel, draw, ship, aspect); scores of profiles; constants."""
+    """Return answers (gain, count, look, channel, draw, ship, aspect), templates and constants."""
     valid = np.ones((PHASES, *GRID), dtype=bool) if valid is None else valid
     known = learned(**training_views)
     views = cell.valid[None], known, np.zeros_like(known), ASPECTS
@@ -68,7 +68,7 @@ def answered(cell, templates, silhouettes, valid=None, **training_views):
 
 
 def similarity_by_hand(templates, silhouettes):
-    """(count, phase, view, template) largest cosine to a template in the other phases."""
+    """Return the largest cosine to a template in other phases, (count, phase, view, template)."""
     known = templates.reshape(PHASES, VIEWS, -1).astype(np.float64)
     vectors = silhouettes.reshape(len(LOOKS), PHASES, VIEWS, -1).astype(np.float64)
     length = np.linalg.norm(known, axis=-1)
@@ -85,7 +85,7 @@ def similarity_by_hand(templates, silhouettes):
 
 
 def posterior_by_hand(scores, training_views):
-    """(..., ship) probabilities of rows of scores: the mean density of a ship's templates."""
+    """Return (..., ship) probabilities of scores, by the mean density of a ship's templates."""
     of_ship = np.full((*scores.shape[:-1], SHIPS), -np.inf)
     for s in np.unique(SHIP[training_views]):
         densities = scores[..., training_views & (s == SHIP)]
@@ -94,7 +94,7 @@ def posterior_by_hand(scores, training_views):
 
 
 def loss_by_hand(scores, training_views, phase, inverse_temperature, outlier_fraction):
-    """Negative log-likelihood of the ships of the other phases' silhouettes.
+    """Return the negative log-likelihood of the ships of the other phases' silhouettes.
 
     Each counts 11/12 with the templates of its own aspect, and 1/12 without; one right and one
     wrong answer are added.
@@ -118,7 +118,7 @@ def loss_by_hand(scores, training_views, phase, inverse_temperature, outlier_fra
 
 
 def is_likeliest(scores, training_views, phase, constants):
-    """Whether no other inverse temperature and outlier fraction make more of the ships."""
+    """Return whether no other inverse temperature and outlier fraction are more likely."""
 
     def negative_log_likelihood(parameters):
         of_phase = (
@@ -141,7 +141,7 @@ def is_likeliest(scores, training_views, phase, constants):
 
 
 def with_outliers_by_hand(scores, training_views, outlier_fraction):
-    """(..., template) logarithms of densities relative to their mean over ships, with outliers."""
+    """Return (..., template) log densities relative to their mean over ships, with outliers."""
     ships = np.unique(SHIP[training_views])
     by_ship = [scores[..., training_views & (s == SHIP)] for s in ships]
     means = np.stack(
@@ -153,7 +153,7 @@ def with_outliers_by_hand(scores, training_views, outlier_fraction):
 
 @pytest.mark.parametrize("unknown", [None, ("b",)])
 def test_by_hand(unknown):
-    """Every gain, number of frames and draw; a ship that is learned, or is not."""
+    """It holds for every gain, number of frames and draw, with or without a ship not learned."""
     training_views = np.ones(VIEWS, dtype=bool) if unknown is None else SHIP != 1
     cell, (templates, silhouettes) = made(noise=5.0), maps()
     answers, of_profiles, constants = answered(cell, templates, silhouettes, unknown=unknown)
@@ -188,8 +188,7 @@ def test_by_hand(unknown):
             for c, densities in enumerate((profile, silhouette, both)):
                 posterior = posterior_by_hand(densities, training_views)
                 true = posterior[np.arange(VIEWS), SHIP]
-                # Of an inverse temperature that is off by 2e-4, times scores that differ by some
-                # 20.
+                # The inverse temperature is off by 2e-4, and scores differ by some 20.
                 np.testing.assert_allclose(
                     answers_here["probability"][c, d].ravel(), true, atol=4e-3
                 )
@@ -206,7 +205,7 @@ def test_by_hand(unknown):
 
 @pytest.mark.parametrize("rows", [2, 6])
 def test_answers_in_blocks_are_those_of_all_views(rows, monkeypatch):
-    """With a ship that is not learned, and views that are missing."""
+    """One ship is not learned, and some views are missing."""
     cell, (templates, silhouettes) = made(noise=5.0).without([0], [3]), maps()
     valid = np.ones((PHASES, *GRID), dtype=bool)
     valid[1, 2, 2] = False
@@ -217,7 +216,7 @@ def test_answers_in_blocks_are_those_of_all_views(rows, monkeypatch):
     expected = found()
     monkeypatch.setattr(fusion, "row_blocks", lambda count, most=0: row_blocks(count, rows))
     for name, values in found().items():
-        # Inverse temperatures are found to 1e-4 of theirs, from scores in single precision.
+        # Inverse temperatures have relative errors of 1e-4, from scores in single precision.
         np.testing.assert_allclose(values, expected[name], rtol=1e-3, atol=1e-3, err_msg=name)
     assert (expected["cell"] == 0).sum() == 2 * 3 * PHASES * len(GAINS) * len(FRAMES) * len(LOOKS)
 
@@ -240,5 +239,5 @@ def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
         return peak_memory(answer)
 
     peak(20)  # imports
-    # Four times as many tests, whose scores would be 3 MB more.
+    # Scores of four times as many tests would take 3 MB more.
     assert peak(800) < 1.5 * peak(200)

@@ -1,4 +1,4 @@
-"""Where a ship is seen, kept as arrays: pixels and lines, and their mirror image."""
+"""Hits kept as arrays have the coverage of the view by pixels or lines, also mirrored."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,14 @@ PLACE = (0.3, 0.8)
 
 
 def ship():
-    """A hull with a house that is far aft and to port."""
+    """Return a hull with a house that is far aft and to port."""
     hull = trimesh.creation.box((100.0, 12.0, 8.0)).apply_translation((0.0, 0.0, 4.0))
     house = trimesh.creation.box((20.0, 5.0, 9.0)).apply_translation((-30.0, 2.0, 12.0))
     return trimesh.util.concatenate([hull, house])
 
 
 def images():
-    """The ship by pixels and by lines."""
+    """Return images of the ship by pixels and by lines."""
     pixels = range_image(ship(), pixel=0.5, engine="embree", **VIEW)
     return {"pixels": pixels, "lines": line_image(ship(), spacing=0.5, **VIEW)}
 
@@ -42,7 +42,7 @@ def test_patches_cover_what_the_view_does(image):
 
 
 def test_a_mirrored_ship_covers_the_mirrored_pixels(image):
-    """About a ship origin in the middle of a pixel columns change places, and nothing else."""
+    """With the ship's origin in the middle of a pixel, columns change places and nothing else."""
     drawn, mirrored = (shares(Hits.of(image).patches(mirrored=flag)) for flag in (False, True))
     assert drawn.keys() == {-column for column in mirrored}
     for column, share in drawn.items():
@@ -51,7 +51,7 @@ def test_a_mirrored_ship_covers_the_mirrored_pixels(image):
 
 
 def shares(patches):
-    """Coverage of each column of pixels that shows the ship, by its number from the origin."""
+    """Return the coverage of each column that shows the ship, by its number from the origin."""
     raster = patches.covering(3.75, (0.5, 0.5))
     columns = np.rint(raster.origin[0] / 3.75).astype(int) + np.arange(raster.coverage.shape[1])
     return {c: raster.coverage[:, k] for k, c in enumerate(columns) if raster.coverage[:, k].any()}

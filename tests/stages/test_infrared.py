@@ -1,4 +1,4 @@
-"""Infrared images: against the library by hand, beside other values, and refused settings."""
+"""Infrared images are equal to the library's by hand, and sensors of one view share them."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ WINDOW = {"depression": 3.84, "ifov": 150e-6, "length": 200.0, "height": 50.0}
 
 
 def placed(view, slant_range, way, frame_count):
-    """(frame_count, row, col) images in the window of the largest ship."""
+    """Return (frame_count, row, col) images in the window of the largest ship."""
     largest = LargestWindow(slant_range * 1e3, **WINDOW)
     images = thermal_image(view, largest, super_resolution=way, frame_count=frame_count)
     assert not images["first_row"].any() and not images["first_col"].any()
@@ -33,7 +33,7 @@ def placed(view, slant_range, way, frame_count):
 @pytest.mark.parametrize("aspect", [0.0, 45.0, 90.0])
 @pytest.mark.parametrize("slant_range", [1.0, 25.0])
 def test_the_window_holds_the_largest_ship_at_any_range(slant_range, aspect):
-    """Near parts look larger: at 1 km those of a box of 199 m by up to a tenth."""
+    """Near parts of a box of 199 m look larger, at 1 km by up to a tenth."""
     block = trimesh.creation.box((199.0, 19.0, 49.0))
     block.apply_translation((0.0, 0.0, 24.5))
     view = {"aspect": aspect, "depression": 3.84, "slant_range": slant_range * 1e3}
@@ -51,7 +51,7 @@ def test_the_window_holds_the_largest_ship_at_any_range(slant_range, aspect):
 
 
 def test_images_of_one_view_are_drawn_once_for_all_sensors():
-    """By lines, the range channel's, the imager's and, in the far field, the training range's.
+    """Lines serve the range channel, the imager and, in the far field, the training range.
 
     OpenGL draws images for the range channel alone: silhouettes are masks, one for both ranges.
     """
@@ -76,7 +76,7 @@ def test_images_of_one_view_are_drawn_once_for_all_sensors():
 
 
 def test_templates_are_seen_from_the_training_range_whatever_is_tested():
-    """At one altitude, where the depression goes by the range: 25 km is seen from 15.6 deg."""
+    """At one altitude the depression depends on the range: at 25 km it is 15.6 deg."""
     overrides = {"sensor": "infrared", "grid__ship": "duncan", "grid__aspect": 60}
     overrides |= {"scene__geometry": "altitude", "infrared__training_range": 25}
     overrides["infrared__subpixel_offsets"] = 1
@@ -104,7 +104,7 @@ def test_pixels_that_are_just_filled_show_the_ship():
 @pytest.mark.parametrize("slant_range", [25.0, 50.0])
 @pytest.mark.parametrize("rule", [0.25, 0.5])
 def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
-    """Every variable of every way to see the ship, from templates counted by histogram."""
+    """Every variable of every super-resolution is the library's, from masks by histogram."""
     frames, phases = (1, 16), (0, 1)
     view = view_from(slant_range, coverage_rule=rule)
     view_name = {"ship": "boxes", "aspect": 60.0, "range": slant_range}

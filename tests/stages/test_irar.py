@@ -1,4 +1,4 @@
-"""Settings of flights: their bounds, their meaning, and values refused before any work."""
+"""Settings of flights have the library's defaults, are converted, and give navigation errors."""
 
 from dataclasses import fields, replace
 
@@ -38,7 +38,7 @@ def test_errors_are_read_back_from_what_is_written(errors):
 
 
 def first(*settings, **changes):
-    """The first value of each setting, or another one."""
+    """Return the first value of each setting, with some changed."""
     choices = read()
     return {setting.name: choices[setting][0] for setting in settings} | changes
 

@@ -1,4 +1,4 @@
-"""Range profiles in the units of the configuration, and windows that hold ships."""
+"""Range profiles have the configuration's units and places, and windows hold ships."""
 
 import math
 
@@ -38,7 +38,7 @@ def test_signals_are_in_the_units_of_the_library(ifovs):
 
 
 def test_the_floor_is_that_of_every_ifov(ifovs):
-    """Those on the ship included, as its ends are free of the pulse; the rest begins at 0."""
+    """IFOVs on the ship count, too, as ends are free of the pulse; less the floor, they are 0."""
     profile = expected_profile(ifovs, cnr=1600.0, **SIGNAL)
     profiles = ladar.above_floor(profile)
     level = (len(ifovs.cell) + 100) * noise_floor()
@@ -51,7 +51,7 @@ def test_the_floor_is_that_of_every_ifov(ifovs):
 
 
 def test_extinction_reaches_the_profile_in_its_units():
-    """0.1 dB/km over the 50 km less than the reference, both ways: 10 dB more, besides 4 times."""
+    """0.1 dB/km over 50 km less than the reference, both ways, is 10 dB more, besides 4 times."""
     hazy = called(ladar.cnr_at_range, range=50e3, cnr=20.0, extinction=0.1e-3)
     assert hazy == pytest.approx(called(ladar.cnr_at_range, range=50e3, cnr=30.0))
     assert hazy == pytest.approx(10**3 * 4)
@@ -65,7 +65,7 @@ def test_an_image_of_pixels_states_its_error(ifovs):
 
 
 def place_of(drawn_aspect=300.0, **other):
-    """Place of the ship in an average, by the names of the settings that it depends on."""
+    """Return the place of the ship in an average, by the settings that it depends on."""
     view = {"ship": "duncan", "aspect": 300.0, "range": 100e3, "replicate": 0, "seed": 0}
     return called(
         ladar.ifov_offset, **view | {"place": "random", "drawn_aspect": drawn_aspect} | other
@@ -74,7 +74,7 @@ def place_of(drawn_aspect=300.0, **other):
 
 @pytest.mark.parametrize("place", ["corner", "random"])
 def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place):
-    """So that the place seen is that of the view, and IFOVs have the numbers of a view drawn."""
+    """The image is drawn at the mirrored place, so that the ship is seen at the view's place."""
     place_seen, drawn = place_of(place=place), place_of(60.0, place=place)
     assert (
         (place_seen == drawn == ladar.corner_offset()) if place == "corner" else place_seen != drawn
@@ -85,7 +85,7 @@ def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place)
 
 
 def test_places_are_uniform_and_of_each_draw_alone():
-    """Kolmogorov's test of 300 places at 1e-3, and no two alike: each value keys its own."""
+    """300 places pass Kolmogorov's test at 1e-3; another value of any setting draws another."""
     places = np.array(
         [place_of(float(a), aspect=float(a), replicate=r) for a in range(100) for r in range(3)]
     )
@@ -108,7 +108,7 @@ def test_a_window_holds_every_ship_with_both_ends_free():
 
 
 def test_classifiers_declare_that_covariances_are_stored_for_them(monkeypatch):
-    """As `docs/own_classifier.md` says; here correlation stands for a user's own."""
+    """`docs/own_classifier.md` says so; here correlation stands for a user's classifier."""
     choices = choose(classifier__name="correlation")
     assert not ladar.stores_moments(choices)
     monkeypatch.setitem(ladar.WITH_MOMENTS, "correlation", {"range"})

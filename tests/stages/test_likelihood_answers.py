@@ -1,4 +1,4 @@
-"""Maximum likelihood on profiles made up, against densities by hand."""
+"""Maximum likelihood on synthetic profiles gives the answers of densities by hand."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ ERRORS = (0.0, 0.2)
 def templates_of(
     cell, covariance, diagonal_loading=1e-3, error=0.0, floor_sigma=1.0, **training_views
 ):
-    """Templates of learned views; exact ones by default, as densities by hand are."""
+    """Return templates of learned views, exact by default as the densities by hand are."""
     known = learned(**training_views)[: len(cell.valid)]
     prior = likelihood.Prior(diagonal_loading, floor_sigma, floor_estimated=False)
     alternative = learned(**training_views)[: len(cell.valid)] & False
@@ -43,7 +43,7 @@ def templates_of(
 
 
 def scores(templates, averaged, gain, prior):
-    """Log densities (frame_count, view, template) of all views."""
+    """Return log densities (frame_count, view, template) of all views."""
     flat = averaged.reshape(len(FRAMES), -1, averaged.shape[-1])
     return np.stack(
         [
@@ -85,7 +85,7 @@ def answered(
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
 def test_by_hand(place, gain):
-    """Densities of a Gaussian with gain and floor as two more directions of its covariance.
+    """Densities are Gaussian, with gain and floor as two more directions of the covariance.
 
     Each view has a floor of its own, which no gain changes.
     """
@@ -106,7 +106,7 @@ def test_by_hand(place, gain):
         ) / FRAMES[f]
         density = multivariate_normal(mean, frame + np.outer(signal, signal) + shift)
         logs[f, ..., ship, aspect] = density.logpdf(samples[f])
-    # Test's aspect, ship, template's aspect.
+    # The axes are the test's aspect, the ship and the template's aspect.
     same_aspect = np.eye(len(ASPECTS), dtype=bool)[:, None, :]
     for j, left_out in enumerate(BOTH):
         answering = np.broadcast_to(~(same_aspect & left_out), logs.shape)
@@ -125,9 +125,9 @@ def test_by_hand(place, gain):
 
 @pytest.mark.parametrize("error", ERRORS)
 def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
-    """Profiles of all ships at it may be anything; without leaving out, they matter.
+    """Reversing all profiles at an aspect changes no answer that leaves it out, but others.
 
-    Nor do they matter to the cells of templates beside it.
+    The cells of templates beside it do not change, either.
     """
     cell = made(noise=0.6)
     before = answered(cell, left_out=BOTH, error=error)
@@ -144,7 +144,7 @@ def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
 
 
 def test_an_estimated_floor_is_whatever_the_edges_hold():
-    """Any constant added to a profile or a template changes nothing; of a known floor it does."""
+    """Constants added to profiles and templates change densities of a known floor alone."""
     rng = np.random.default_rng(5)
     cell = made(noise=5.0)
     lifted = rng.uniform(-40, 40, (*cell.averaged.shape[:-1], 1)).astype(np.float32)
@@ -170,7 +170,7 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
 @pytest.mark.parametrize("rows", [2, 4, 10])
 @pytest.mark.parametrize("error", ERRORS)
 def test_answers_in_blocks_are_those_of_all_views(rows, error, monkeypatch):
-    """Of existing views, with a ship and aspects that are not learned."""
+    """Some views are missing, and a ship and two aspects are not learned."""
     cell = made(noise=5.0).without([0, 2, 2], [3, 0, 5])
     known = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0)}
     expected = answered(cell, GAINS, BOTH, error=error, **known)
@@ -182,7 +182,7 @@ def test_answers_in_blocks_are_those_of_all_views(rows, error, monkeypatch):
 
 
 def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
-    """Of 60 views learned, whose cells widen where an aspect is left out."""
+    """There are 60 views learned, whose cells widen where an aspect is left out."""
     monkeypatch.setattr(likelihood, "HELD_ROWS", 192)
 
     def peak(aspects):
@@ -200,12 +200,12 @@ def test_views_that_are_only_tested_cost_no_memory_but_their_own(monkeypatch):
         return peak_memory(lambda: likelihood.likelihood(*inputs, **options))
 
     peak(20)  # imports
-    # Four times as many tests, whose densities would be 0.9 MB more.
+    # Densities of four times as many tests would take 0.9 MB more.
     assert peak(800) < 1.5 * peak(200)
 
 
 def test_a_track_without_error_leaves_the_templates_at_its_aspect():
-    """And one that is off by any angle is no track at all."""
+    """With an error of 1000 deg, probabilities differ from those without a track."""
     cell = made(noise=5.0)
     covariance = bands(cell, variance=25.0)
     exact, vague, none = (
@@ -218,13 +218,13 @@ def test_a_track_without_error_leaves_the_templates_at_its_aspect():
     posterior = np.exp(beside - logsumexp(beside, axis=-1, keepdims=True))
     true = np.einsum("fsas->fsa", posterior)
     np.testing.assert_allclose(exact["probability"][0, 0], true, rtol=1e-9)
-    # Uneven cells have uneven shares of a flat prior.
+    # A flat prior gives uneven cells uneven shares.
     assert np.abs(vague["probability"] - none["probability"]).max() > 1e-3
     assert (exact["probability"] > none["probability"]).mean() > 0.5
 
 
 def test_errors_of_a_track_belong_to_views_and_scale():
-    """Other ships and aspects change none; other draws, seeds and views are others."""
+    """Other ships and aspects change no error; each draw, seed and view has its own."""
     errors = likelihood.track(NAMED, ASPECTS, 2.0, 0, 0).reported - np.array(ASPECTS)
     few = likelihood.track(NAMED[1:], ASPECTS[::2], 6.0, 0, 0).reported - np.array(ASPECTS[::2])
     np.testing.assert_allclose(few, 3 * errors[1:, ::2], atol=1e-12)
@@ -241,10 +241,10 @@ def test_errors_of_a_track_belong_to_views_and_scale():
 
 
 def test_ships_known_to_be_unknown_take_their_share():
-    """Of the third ship as one more, never named; known ships keep their proportions."""
+    """The third ship counts as one more and is never named; known ships keep proportions."""
     cell = made(noise=5.0)
     covariance, only = bands(cell, variance=25.0), {"unknown": ("c",)}
-    # All alike, so that loading and prior of the floor do not hang on which are learned.
+    # Covariances are alike, so that loading and floor prior do not depend on ships learned.
     covariance = np.broadcast_to(covariance[:1, :1], covariance.shape)
     prior = likelihood.Prior(1e-3, 1.0, floor_estimated=False)
     views = learned(**only), ~learned(**only) & learned()
@@ -256,7 +256,7 @@ def test_ships_known_to_be_unknown_take_their_share():
     without = answered(cell, covariance=covariance, **only)
     of_all = answered(cell, covariance=covariance)
     np.testing.assert_array_equal(with_it["predicted"], without["predicted"])
-    # With the third one learned, too, posteriors of the first two are the same as with it known.
+    # Posteriors of the first two are the same as with the third one learned, too.
     first = slice(0, 2)
     np.testing.assert_allclose(
         with_it["probability"][..., first, :], of_all["probability"][..., first, :], rtol=1e-9
@@ -265,7 +265,7 @@ def test_ships_known_to_be_unknown_take_their_share():
 
 
 def test_answers_are_accepted_by_their_density_over_that_of_the_alternative():
-    """Of three points on a line, in closed form: by Neyman and Pearson no other test keeps more."""
+    """Three points on a line have a closed form; by Neyman and Pearson no test keeps more."""
     tests, bins, positions = 2000, 16, np.array([0.0, 1.0, 2.5])
     known = np.zeros((SHIPS, tests), dtype=bool)
     known[:2, 0] = True
@@ -294,7 +294,7 @@ def test_answers_are_accepted_by_their_density_over_that_of_the_alternative():
 
 
 def test_similarity_falls_with_the_misfit():
-    """By a power of the chi-squared probability of the distance from the best template."""
+    """Its factor is a power of the chi-squared probability of the best template's distance."""
     cell = made(noise=5.0)
     covariance = bands(cell, variance=25.0)
     unweighed, weighed = (

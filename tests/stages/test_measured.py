@@ -1,4 +1,4 @@
-"""Names of measured profiles: every classifier as the library has it, and ships not asked for."""
+"""Classifiers name measured profiles as the library's do, and never name unknown ships."""
 
 import warnings
 
@@ -30,8 +30,9 @@ ALL = np.ones(VIEWS, dtype=bool)
 
 @pytest.fixture
 def signatures():
-    """(ship, aspect, kind, bin): ragged made profiles above a floor; tests with some noise,
-    measured ones with more. The last ship is not flown past.
+    """Return random profiles above a floor, (ship, aspect, kind, bin).
+
+    Tests have some noise, measured ones more. The last ship is not flown past.
     """
     rng = np.random.default_rng(3)
     learned = np.zeros((*VIEWS, BINS))
@@ -46,7 +47,7 @@ def signatures():
 
 
 def training_views(name, **changes):
-    """Arguments that a classifier is trained with, of few epochs."""
+    """Return the training method of a classifier, with few epochs."""
     choices = read()
     names = (setting for setting in EXPERIMENT.declared if setting.key.startswith("classifier."))
     values = {setting.name: choices[setting][0] for setting in names}
@@ -61,7 +62,7 @@ def training_views(name, **changes):
 
 
 class Fixed:
-    """A generator whose one draw is known."""
+    """Generator that always draws 11, below 2**32."""
 
     def integers(self, below):
         assert below == 2**32
@@ -69,7 +70,7 @@ class Fixed:
 
 
 def named(signatures, name, unknown=None, **changes):
-    """Names that a classifier trained on synthetic signatures gives to measured ones."""
+    """Return the answers of a classifier trained on synthetic signatures to all signatures."""
     known = signatures[:, :, LEARNED]
     learned = classifier.training_views(
         SHIPS, ASPECTS, unknown, classifier.AspectSelection(None, None, ())
@@ -113,7 +114,7 @@ def test_answers_are_those_of_the_library(signatures, name, vigilance):
         assert np.all(ours["cell"][answered] == 1)
         assert all(np.all(values[~answered] == -1) for values in ours.values())
         wrong += np.sum(~right)
-    assert wrong > 0  # the test would tell answers that are all right from ours
+    assert wrong > 0  # so that answers that are always right would fail
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,4 +1,4 @@
-"""The multilayered network on profiles made up: its settings, its seeds, its answers."""
+"""The stages of the multilayered network have the settings and answers of the library's."""
 
 from itertools import product
 
@@ -41,7 +41,7 @@ def answered(cell, network, frames=FRAMES, inputs="standardised", replicate=0):
 
 
 def plain(cell, inputs):
-    """Vectors of training and tests, from their definition."""
+    """Return vectors of training and tests, computed from their definition."""
     if inputs == "raw":
         return cell.expected, cell.averaged[0]
     vectors = (directions(profiles) for profiles in (cell.expected, cell.averaged[0]))

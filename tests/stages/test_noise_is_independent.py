@@ -1,7 +1,7 @@
-"""Noise of different cells is drawn apart: along every axis that another measurement would have.
+"""Cells of different measurements draw their noise from streams of different names.
 
-A setting that is missing from the name of a stream leaves every result as probable as it was, each
-for itself. It shows only where cells are averaged: their noise then does not average out.
+A setting that is missing from the name of a stream leaves each single result as probable as it was.
+It shows only where cells are averaged: their noise then does not average out.
 """
 
 import pytest
@@ -26,7 +26,7 @@ TIMED = (
 
 
 def streams(stage, *overrides):
-    """Names of the noise of all cells of a stage, each with the values of its cell."""
+    """Return a stage's cells by the names of their streams of noise, and the number of cells."""
     plan = Plan(EXPERIMENT, chosen(*overrides))
     bound = plan.bound[stage]
     return {
@@ -37,7 +37,7 @@ def streams(stage, *overrides):
 @pytest.mark.parametrize(
     ("stage", "overrides", "cells"),
     [
-        ("averaged", RANGE, 2**6),  # those of `OF_RANGE`, and the number of target-free IFOVs
+        ("averaged", RANGE, 2**6),  # two values of each of six settings
         ("test_signature", FLOWN, 2**5),
         ("profile_noise", TIMED, 2**4),
     ],

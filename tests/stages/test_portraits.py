@@ -1,4 +1,4 @@
-"""A user's ship in a configuration: its keys, its lines on the screen, its place in the store."""
+"""Keys of results of a user's ship depend on its mesh and on its transform."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def ship(**given):
 
 
 def test_a_transform_counts_in_the_key_of_results(tmp_path, monkeypatch):
-    """Of a box afloat, in a file in millimetres, y up."""
+    """The ship is a floating box, in a file in millimetres with y up."""
     mesh = trimesh.creation.box((60, 10, 21)).apply_translation((0, 0, 10.5))
     axes = ncti.ships.Transform(up="y", scale=0.001).axes
     turned = trimesh.Trimesh(mesh.vertices @ axes * 1000, mesh.faces, process=False)

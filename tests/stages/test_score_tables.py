@@ -1,4 +1,4 @@
-"""Learned views, and tables of percent correct, counted by hand."""
+"""Views learned, and tables of percent correct, are as counted by hand."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_unknown_ships_and_aspects_between_are_not_learned():
 
 
 def answers(**arrays):
-    """Answers about three ships at three aspects."""
+    """Return answers about three ships at three aspects."""
     dims = {2: ("ship", "aspect"), 3: ("replicate", "ship", "aspect")}
     return xr.Dataset(
         {name: (dims[np.ndim(values)], values) for name, values in arrays.items()},
@@ -60,7 +60,7 @@ def test_fractions_are_counted_by_hand():
     ],
 )
 def test_draws_are_means_with_a_spread(prefix, lost, mean, spread):
-    """Of silhouettes at two phases in two orders, 4/4, 2/4, 0/4, 4/4 and 2/2, 1/2, 1/2, 0/2."""
+    """Right are 4/4, 2/4, 0/4, 4/4 and 2/2, 1/2, 1/2, 0/2, at two phases in two orders."""
     right = np.array(
         [
             [[[1, 1, 1], [1, 1, 1]], [[1, 0, 1], [1, 0, 0]]],

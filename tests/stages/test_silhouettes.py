@@ -1,4 +1,4 @@
-"""Silhouettes: masks as bits, and their maps, against the library by hand."""
+"""Maps of silhouettes and of templates are equal to the library's by hand."""
 
 from itertools import product
 
@@ -43,7 +43,7 @@ def test_a_cell_is_the_library_done_by_hand(way, slant_range):
 
 
 def test_templates_are_the_pixels_that_the_ship_fills():
-    """At places on the detector that spread evenly over a pixel, the first at its corner."""
+    """Their places on the detector spread evenly over a pixel, the first at its corner."""
     phases = tuple(range(64))
     head_on, imager = (0.0, 0.0), (25e3, 150e-6, 0.4)
     options = {"inner_radius": 0.5, "interpolation": "nearest"}
@@ -60,6 +60,6 @@ def test_templates_are_the_pixels_that_the_ship_fills():
         )
         cells = features.log_polar(silhouette.target(0.4), **options)
         np.testing.assert_array_equal(maps[phase], np.rint(255 * cells))
-    # Four places in each of 16 squares, up to two more or less; chance has a spread of that.
+    # Each of 16 squares has four places, up to two more or less; chance has such a spread.
     counts, *_ = np.histogram2d(*places.T, bins=4, range=[[0, 1], [0, 1]])
     assert np.abs(counts - 4).max() <= 2

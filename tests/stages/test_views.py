@@ -1,4 +1,4 @@
-"""Ships by name and path, the inputs of an image, and the ranges that a scene allows."""
+"""Ships are known by their meshes, and drawn finely enough at the depression of the scene."""
 
 import re
 
@@ -17,7 +17,7 @@ from sweeps.stages.ships import ship_name
 
 @pytest.fixture
 def box(tmp_path):
-    """Path of a mesh that floats, of a name of its own."""
+    """Return the path of a floating mesh, with a name of its own."""
     mesh = trimesh.creation.box((40.0, 8.0, 6.0))
     mesh.apply_translation((0, 0, 3.0))
     path = tmp_path / "barge.stl"
@@ -26,7 +26,7 @@ def box(tmp_path):
 
 
 def test_a_hull_is_what_is_in_its_file(box, tmp_path):
-    """Wherever it lies, and whatever it is called."""
+    """Its key does not depend on the name of the file."""
     copy = tmp_path / "again.stl"
     copy.write_bytes(box.read_bytes())
     first, second = (views.mesh_source(ship_name(str(path))) for path in (box, copy))

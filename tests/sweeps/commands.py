@@ -1,4 +1,4 @@
-"""Sweeps of the tests: composed as the command does, and run in this process."""
+"""Helpers that compose sweeps as the command does, and run them in this process."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ FAST = ("render.pixel=1", "render.samples=0", "render.engine=embree")
 
 
 def prepared(*arguments: str) -> list[tuple[Choices, Path]]:
-    """Checked choices and stores of the sweeps of a command line, `-m` among it or not."""
+    """Return checked choices and stores of the sweeps of a command line, with `-m` or without."""
     overrides = [argument for argument in arguments if argument != "-m"]
     jobs = read_jobs(EXPERIMENT, overrides, several=len(overrides) < len(arguments))
     return [(plan.choices, options.store) for plan, options in COMMAND.prepare(jobs)]
 
 
 def chosen(*overrides: str) -> Choices:
-    """Checked choices of a command line of one sweep."""
+    """Return the checked choices of a command line of one sweep."""
     [(choices, _)] = prepared(*overrides)
     return choices
 
 
 def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> SweepOutcome:
-    """Run one sweep, and the tables of its store, without the report."""
+    """Run one sweep, which writes a store with tables, but no report."""
     drop_objects()  # as a new process would
     choices = chosen(f"store={store}", f"cache={cache}", *overrides)
     options = RunOptions(store, sharing_ships(cache), ClusterChoice(kind="inline"))
@@ -46,7 +46,7 @@ def swept(store: Path, cache: Path, *overrides: str, experiment=EXPERIMENT) -> S
 
 
 def ran(*arguments: str, modules=()) -> int:
-    """Exit status of the whole command in this process, inline."""
+    """Run the whole command inline in this process, and return its exit status."""
     drop_objects()
     try:
         inline = [] if arguments[0].startswith("--") else ["cluster=inline"]
@@ -57,18 +57,18 @@ def ran(*arguments: str, modules=()) -> int:
 
 
 def opened(store: Path, group: str) -> xr.Dataset:
-    """A group of a store as its users open it, in memory."""
+    """Return a group of a store, opened as users do, in memory."""
     return xr.open_zarr(store, group=group).load()
 
 
 def groups_of(store: Path) -> dict[str, xr.Dataset]:
-    """All groups that have variables."""
+    """Return all groups that have variables, by path."""
     tree = xr.open_datatree(store, engine="zarr", chunks=None)
     return {node.path[1:]: node.to_dataset().load() for node in tree.subtree if node.data_vars}
 
 
 def assert_slice(store: Path, reference: Path, **place: object) -> set[str]:
-    """Hold a slice of a store against the store of a sweep of that one value, bit for bit.
+    """Assert that a slice of a store equals the store of a sweep of that value, bit for bit.
 
     Returns the names of all dimensions along which a variable was sliced.
     """
@@ -84,7 +84,7 @@ def assert_slice(store: Path, reference: Path, **place: object) -> set[str]:
                 [dim for dim in labels if dim in array.sel(labels).dims]
             )
             sliced = sliced.transpose(*expected.dims)
-            # A variable as large as its largest cell is padded in company.
+            # A variable is as large as its largest cell, so that smaller cells are padded.
             sliced = sliced.isel({dim: slice(size) for dim, size in expected.sizes.items()})
             assert sliced.dtype == expected.dtype, (group, name)
             equal = np.array_equal(sliced, expected, equal_nan=array.dtype.kind == "f")

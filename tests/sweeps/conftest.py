@@ -1,4 +1,4 @@
-"""Where the sweeps of these tests keep their results."""
+"""Fixtures: the folders in which sweeps of these tests run and keep their results."""
 
 import pytest
 from once import sharing_ships
@@ -6,12 +6,12 @@ from once import sharing_ships
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Folder of a test, in which its commands run: Hydra writes there."""
+    """Return the folder of a test, in which its commands run, as Hydra writes there."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture(scope="session")
 def results(tmp_path_factory):
-    """Cache of finished results that the tests share."""
+    """Return the cache of finished results that the tests share."""
     return sharing_ships(tmp_path_factory.mktemp("cache"))

@@ -1,4 +1,4 @@
-"""Any setting is an axis, however it is given: alone or together, at once or one after another."""
+"""A slice of a sweep over several settings equals the sweep of the single values."""
 
 import pytest
 import xarray as xr
@@ -43,7 +43,7 @@ UNITS = {setting.key: setting.unit for setting in EXPERIMENT.declared}
 
 @pytest.mark.parametrize("name", AXES)
 def test_slices_are_the_stores_of_single_values(name, folder, results):
-    """Last of each setting, which was given first, in a store of all combinations."""
+    """The slice is at the last value of each setting, which is given first."""
     overrides, values = AXES[name]
     overrides = (*overrides, *OTHER_KEYS.get(name, ()))
     lists = [f"{key}=[{','.join(map(str, pair[::-1]))}]" for key, pair in values.items()]
@@ -67,6 +67,6 @@ def test_slices_are_the_stores_of_single_values(name, folder, results):
 
 
 def dimensions(values):
-    """Keys by the names of their dimensions."""
+    """Return the keys of settings by the names of their dimensions."""
     dims = {"ladar.cnr": "ladar_cnr"} if "irar.cnr" in values else {}
     return {dims.get(key, key.rpartition(".")[2]): key for key in values}

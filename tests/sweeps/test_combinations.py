@@ -1,4 +1,4 @@
-"""Settings, ships and stores that are valid alone but do not go together."""
+"""Settings and ships that are valid alone but do not go together are refused in a sentence."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,7 +14,7 @@ from sweeps.stages.views import Grid
 
 
 def sentence(*overrides):
-    """Error message of a wrong command line."""
+    """Return the error message of a wrong command line."""
     with pytest.raises(ConfigurationError) as caught:
         prepared(*overrides)
     message = str(caught.value)

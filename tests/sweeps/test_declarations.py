@@ -1,4 +1,4 @@
-"""Every setting as it is declared: its default, its bounds, its axis, its place in the docs."""
+"""Every setting allows its default, refuses wrong values in a sentence, and is in the docs."""
 
 import re
 from functools import partial

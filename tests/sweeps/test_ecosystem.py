@@ -1,4 +1,4 @@
-"""A store in the hands of other libraries: as xarray opens it, without a word of conversion."""
+"""Groups of a store, as xarray opens them, are plotted and written as NetCDF unconverted."""
 
 import warnings
 
@@ -12,7 +12,7 @@ import ncti
 
 @pytest.fixture(scope="module")
 def groups(smoke_store):
-    """All groups of a store; a warning of a library that opens them is an error."""
+    """Return all groups of a store; a warning of a library that opens them is an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return groups_of(smoke_store)
@@ -24,7 +24,7 @@ def test_every_group_is_plotted_along_every_axis(groups):
         for variable in dataset.data_vars.values():
             new = [dim for dim in variable.dims if (group, dim) not in plotted]
             for dim in new:
-                if variable.dtype.kind == "U":  # texts are plotted along, not plotted
+                if variable.dtype.kind == "U":  # texts are axes, not curves
                     continue
                 variable.isel(
                     {dimension: 0 for dimension in variable.dims if dimension != dim}
@@ -38,7 +38,7 @@ def test_every_group_is_plotted_along_every_axis(groups):
 
 
 def test_every_group_and_the_root_are_written_as_netcdf(smoke_store, tmp_path):
-    """By scipy, with which xarray writes NetCDF 3: no unsigned or long integers, and no groups."""
+    """scipy writes NetCDF 3, which has no unsigned or long integers, and no groups."""
     root = xr.open_zarr(smoke_store)
     for node in xr.open_datatree(smoke_store, engine="zarr").subtree:
         dataset, file = node.to_dataset(inherit=False), tmp_path / "group.nc"

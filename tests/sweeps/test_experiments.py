@@ -1,4 +1,4 @@
-"""Every configuration file composes, and every experiment runs, however little of it."""
+"""Every configuration file composes, and every experiment runs at a small size."""
 
 import runpy
 from pathlib import Path
@@ -112,7 +112,7 @@ def draw_gallery(experiment, monkeypatch):
 
 
 def draw(script, *arguments, monkeypatch):
-    """Run a script of the gallery, which draws something."""
+    """Run a script of the gallery, and assert that it draws something."""
     mpl.use("Agg")
     path = DOCS / "gallery" / f"{script}.py"
     monkeypatch.setattr("sys.argv", [str(path), *arguments, "picture.png"])
@@ -135,7 +135,7 @@ def test_every_script_of_the_gallery_is_short_and_run():
 
 
 def assert_on_a_page(text):
-    """The end of a sweep is at most a page of 80 columns, and says where everything is."""
+    """Assert that text fits 40 lines of 80 columns, and names store, page and next command."""
     lines = text.splitlines()
     assert len(lines) <= 40 and max(map(cell_len, lines)) <= 80
     assert "store   s.zarr" in lines and "page    s-report.html" in lines
@@ -151,7 +151,7 @@ PIXELS = {"picture", "image", "infrared_image", "intensity", "range_image"}
 
 
 def asked(values, group, flown):
-    """The numbers of a variable that must all be there."""
+    """Return the numbers of a variable that must all be finite."""
     if group.startswith("tables/operate"):  # infinite where nothing suffices
         return np.zeros(0)
     if values.dtype.kind in "OTU" or values.name in PIXELS:

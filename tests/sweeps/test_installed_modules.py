@@ -1,4 +1,4 @@
-"""Modules that installed packages add to the command by entry points, as the studies do."""
+"""Installed packages add modules to the command by entry points, as the studies do."""
 
 import subprocess
 import sys
@@ -51,7 +51,7 @@ STAGES = (sounded,)
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """Function that installs a package of one module, by its source, in this process's path."""
+    """Return a function that puts a package of one module on this process's path, by its source."""
 
     def install(source):
         site = tmp_path / "site"

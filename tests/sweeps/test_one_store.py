@@ -1,4 +1,4 @@
-"""Several jobs as one store, and a store that grows: with the numbers of a sweep of the whole."""
+"""A store that grows computes new cells alone, and equals the store of a sweep of the whole."""
 
 import pytest
 from commands import FAST, swept
@@ -13,14 +13,14 @@ WHOLE = ("grid.ship=[duncan,spruance]", "grid.aspect=[0,30,60]", "grid.pulse_wid
 
 @pytest.fixture(scope="module")
 def whole_store(tmp_path_factory):
-    """Store of a sweep with all classifiers of profiles."""
+    """Return the store of a sweep with all classifiers of profiles."""
     folder = tmp_path_factory.mktemp("whole")
     swept(folder / "s.zarr", folder / "cache", *ALL, *WHOLE)
     return folder / "s.zarr"
 
 
 def test_a_store_grows_by_what_is_new(whole_store, folder):
-    """By a view in front and a longer pulse, after which it is that of the whole sweep."""
+    """It grows by a view in front and a longer pulse, and then equals the whole sweep's store."""
     store, cache = folder / "s.zarr", folder / "cache"
     overrides = ("grid.ship=[duncan,spruance]", "grid.aspect=[30,60]", "grid.pulse_width=30")
     finished = swept(store, cache, *ALL, *overrides)

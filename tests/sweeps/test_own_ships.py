@@ -1,4 +1,4 @@
-"""A user's mesh in a whole sweep: on the command line, in an experiment's file, in the store."""
+"""A user's mesh is swept from the command line, described in the store, and repaired."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ BOTH = "grid.ship=[{path: hull.stl, up: y, scale: 0.001}, duncan]"
 
 @pytest.fixture
 def mesh(folder):
-    """Connole in a file in millimetres with y up."""
+    """Write Connole to a file in millimetres with y up, and return its mesh."""
     ship = ncti.ships.load("connole")
     vertices = ship.vertices @ Transform(up="y").axes * 1000
     trimesh.Trimesh(vertices, ship.faces, process=False).export(folder / "hull.stl")
@@ -46,7 +46,7 @@ def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsy
 
 
 def test_a_line_says_what_was_mended(mesh, folder, capsys):
-    """Of a ship inside out, whose largest deck facets are missing besides."""
+    """The ship is inside out, and its largest deck facets are missing besides."""
     path = folder / "hull.stl"
     broken = trimesh.load(path)
     broken.update_faces(broken.area_faces < np.partition(broken.area_faces, -4)[-4])

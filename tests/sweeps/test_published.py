@@ -1,4 +1,4 @@
-"""Settings that the article prints, read from `article.yaml` or worked out from it.
+"""Settings have the article's values, read from `article.yaml` or worked out from it.
 
 `docs/tables/settings.csv` has all other defaults, and `test_declarations` compares it with them.
 """

@@ -1,4 +1,4 @@
-"""Views at their own slant range: the error bound of sweeps holds near and far."""
+"""The error bound of sweeps holds for views at near and far slant ranges."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ EDGES = np.arange(-125.0, 126.0)
 def drawn_in_sweeps(
     slant_range: float, tolerance: float = TOLERANCE, *, view: View = TEXAS, skip: str = "all"
 ) -> RangeExtent:
-    """Range extent of a ship at a range [km], by the stages of a sweep."""
+    """Return the range extent of a ship at a range [km], by the stages of a sweep."""
     mesh_source = views.mesh_source(ship_name(view.ship))
     drawn = views.drawn_range(mesh_source, slant_range * 1e3, tolerance, skip)
     arguments = (drawn, Sampling(views.LINES, PIXEL, 0, ROLL), (tolerance, PULSE * 1e-9, 1.0))
@@ -44,14 +44,14 @@ def after_pulse(extent: np.ndarray) -> np.ndarray:
 
 
 def error(computed: np.ndarray, exact: np.ndarray) -> float:
-    """Sum of absolute differences over the sum, after the pulse."""
+    """Return the sum of absolute differences over the sum, after the pulse."""
     p, q = after_pulse(computed), after_pulse(exact)
     return float(np.abs(p - q).sum() / q.sum())
 
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory, cache):
-    """Profiles of the texas at all ranges."""
+    """Return the profiles of the texas at all ranges."""
     path = tmp_path_factory.mktemp("ranges") / "s.zarr"
     swept(
         path,
@@ -66,7 +66,7 @@ def stored(tmp_path_factory, cache):
 
 @pytest.mark.parametrize("slant_range", [1.0, 25.0])
 def test_the_error_that_a_sweep_states_covers_the_truth_at_any_range(stored, slant_range):
-    """Against outlines united exactly, as they are seen from the range.
+    """The truth unites outlines exactly, as they are seen from the range.
 
     Drawn in the far field, the texas errs by 8.8 % at 1 km and by 0.1 % at 100 km.
     """

@@ -1,4 +1,4 @@
-"""The place of a ship on the grid of IFOVs: the corner, or another one for each draw."""
+"""Ships are at the corner of the grid of IFOVs, or at another place for each draw."""
 
 from functools import cache
 from pathlib import Path
@@ -24,7 +24,7 @@ GIVEN = (
 )
 PLACES = "ladar.place=[random,corner]"
 
-# Whatever does not depend on where the ship is when it is tested.
+# Variables that do not depend on the place of the ship when it is tested.
 LEARNED = (
     *("expected", "covariance", "training_category", "training_confused", "training_correct"),
     *("passes", "presentations", "hidden", "loss"),
@@ -37,7 +37,7 @@ def plan_of(*overrides):
 
 
 def to_make(*overrides):
-    """Range extents of learned and tested views that a sweep with an empty cache makes."""
+    """Return the number of range extents that a sweep with an empty cache makes."""
     schedule = Schedule(plan_of(*overrides))
     schedule.look_up(CellIndex(Objects(Path("none")), print))
     extents = {"extent", "offset_extent", "placed_extent"}
@@ -50,7 +50,7 @@ def keys(stage, *overrides):
 
 
 def test_the_corner_beside_random_places_is_what_a_sweep_of_the_corner_has(folder, results):
-    """Bit for bit; learned arrays have no place of tests."""
+    """They are equal bit for bit; learned arrays have no axis of places."""
     swept(folder / "all.zarr", results, *GIVEN, PLACES)
     swept(folder / "one.zarr", folder / "own", *GIVEN, "ladar.place=corner")
     groups, corner_groups = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")

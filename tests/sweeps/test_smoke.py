@@ -1,4 +1,4 @@
-"""The smoke sweep: numbers in the store and in the CSV files."""
+"""The smoke sweep's store has units, provenance, plausible profiles and unchanged answers."""
 
 import re
 
@@ -49,7 +49,7 @@ def test_root_says_what_made_it(smoke_store):
 
 
 def test_only_axes_that_a_stage_reads_are_swept(smoke_store):
-    """A range of aspects is one value of two numbers, of a sensor that this sweep lacks."""
+    """`dataset.aspect` is one value of two numbers, of a sensor that this sweep lacks."""
     attributes = decode_attrs(xr.open_datatree(smoke_store, engine="zarr").attrs)
     assert attributes["configuration"]["dataset"]["aspect"] == [0, 360]
     grid = {f"grid.{name}" for name in ("ship", "aspect", "pulse_width", "frame_count")}
@@ -69,8 +69,8 @@ def swept_on_page(path):
 def test_profiles_are_what_a_physicist_expects(groups):
     profiles = groups["range_profile"]
     floor = noise_floor() * float(profiles.target_free_ifovs)
-    # The ends of the window hold noise alone: the floor of the target-free IFOVs, and that of
-    # the few (at most 60) IFOVs on the ship.
+    # The ends of the window hold noise alone: the floor of the target-free IFOVs, and of the
+    # few (at most 60) IFOVs on the ship.
     edge = profiles.expected.isel(down_range=0)
     assert ((edge >= floor) & (edge <= floor + 60 * noise_floor())).all()
     # From the bow the return is as long as the ship, 135.6 and 171.7 m, less the length behind
@@ -97,8 +97,8 @@ def test_tables_agree_with_the_answers_in_the_store(groups):
     assert (tables.settled == 1).all()
 
 
-# Numbers of the whole chain, by pulse width (10, 30, 50 ns), then frames (4, 16): views named
-# right, of 14; of `acn` by vigilance (0.9, 0.95), too.
+# Numbers of views named right, of 14, by pulse width (10, 30, 50 ns), then frames (4, 16); `acn`
+# has an axis of vigilance (0.9, 0.95), too.
 RIGHT = {
     "acn": [[[11, 12], [11, 14]], [[9, 10], [11, 13]], [[6, 10], [8, 12]]],
     "mnn": [[8, 10], [6, 8], [6, 10]],

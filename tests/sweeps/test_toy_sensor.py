@@ -1,7 +1,7 @@
-"""A sensor, a classifier and a table that one module declares: this one.
+"""One module, this one, can declare a sensor, a classifier and a table.
 
-A depth sounder: it measures the draught of a ship by echoes, and the ship of the nearest draught
-is named. None of its words stands anywhere else in the project.
+The sensor is a depth sounder, which measures the draught of a ship by echoes; the classifier names
+the ship of the nearest draught. None of its words stands anywhere else in the project.
 """
 
 import csv
@@ -43,7 +43,7 @@ ANSWERS = Group("classification/toy", classifies_with(NAME, SENSOR), (Grid,), st
     stream=Stream((Grid.ship, Grid.aspect, Toy.scatter)),
 )
 def toy_depth(ship, echoes, scatter, rng):
-    """(echoes,): mean depth of the first echoes."""
+    """Return the mean depth of the first echoes, (echoes,)."""
     depths = DRAUGHT[ship] + scatter * rng.standard_normal(max(echoes))
     return np.array([depths[:number].mean() for number in echoes])
 
@@ -55,7 +55,7 @@ def toy_depth(ship, echoes, scatter, rng):
     gather=(Grid.ship, Grid.aspect),
 )
 def toy_namer(toy_depth, ship, valid):
-    """The ship of the nearest draught."""
+    """Name the ship of the nearest draught."""
     draughts = np.array([DRAUGHT[name] for name in ship])
     predicted = np.abs(toy_depth[..., None] - draughts).argmin(axis=-1)
     right = predicted == np.arange(len(ship))[:, None]
@@ -63,14 +63,14 @@ def toy_namer(toy_depth, ship, valid):
 
 
 def tabulate(answers, choices):
-    """Share of the ships that are named right."""
+    """Return the share of the ships that are named right."""
     share = answers.correct.mean(("ship", "aspect"))
     share.attrs = {"units": "1", "long_name": "share of ships named right"}
     return xr.Dataset({"share": share})
 
 
 def check(choices):
-    """Refuse ships whose draught nobody knows."""
+    """Refuse ships without a known draught."""
     for ship in choices[Grid.ship] if uses_sensor(SENSOR)(choices) else ():
         if ship not in DRAUGHT:
             raise ConfigurationError(f"grid.ship has {ship!r}, but toy knows {', '.join(DRAUGHT)}")

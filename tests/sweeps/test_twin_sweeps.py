@@ -1,4 +1,4 @@
-"""Port and starboard of a symmetric ship: one view is drawn for both, and nothing else changes."""
+"""One view of a symmetric ship is drawn for port and starboard, and nothing else changes."""
 
 import numpy as np
 import pytest
@@ -22,14 +22,14 @@ SMALL = (
 
 
 def barge(path, *more):
-    """File of a ship of boxes."""
+    """Write a file of a ship of boxes, and return the override that names it."""
     boxes = [box(bounds=bounds) for bounds in (*BOXES, *more)]
     trimesh.boolean.union(boxes, engine="manifold").export(path)
     return f"grid.ship={path}"
 
 
 def drawn(*overrides):
-    """Keys of the range extents of all views: equal where one is used for both sides."""
+    """Return keys of the range extents of all views, equal where both sides use one."""
     plan = Plan(EXPERIMENT, chosen(*SMALL, *overrides))
     bound = plan.bound["extent"]
     return [plan.key(bound, place) for place in plan.cells(bound)]
@@ -37,7 +37,7 @@ def drawn(*overrides):
 
 @pytest.mark.parametrize("engine", ["lines", "embree"])
 def test_the_store_is_that_of_all_views_drawn(engine, folder, results):
-    """Up to rounding, of numbers in float32: 1e-6; maps in 255ths and names exactly."""
+    """Numbers in float32 are equal within rounding, 2e-6; maps in 255ths and names exactly."""
     ship = barge(folder / "barge.stl")
     overrides = (*SMALL, *FAST, f"render.engine={engine}", "grid.aspect=[40,180,199.7,320]", ship)
     overrides += ("grid.replicate=2",)

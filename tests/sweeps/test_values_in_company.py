@@ -1,4 +1,4 @@
-"""Every stage that computes values together: each comes out the same, to the bit, alone."""
+"""Stages that compute values together give each value, to the bit, as it is alone."""
 
 from collections import Counter
 from pathlib import Path
@@ -15,7 +15,7 @@ MAX_CELLS = 4  # cells of a stage that are computed alone
 
 
 def of_new_sensors(compared):
-    """Overrides of a sweep of each sensor with stages that none above has, with pairs of values."""
+    """Yield overrides of a sweep of each sensor with stages not yet compared, with value pairs."""
     for module in MODULES:
         along = [s.along for s in stages_of([module]) if s.name not in compared]
         settings = {setting for axes in along for setting in axes}

@@ -1,4 +1,4 @@
-"""The wheel: it holds all data files, and the command runs from it, in any folder."""
+"""The wheel holds all data files, and the command runs from it, in any folder."""
 
 import zipfile
 from pathlib import Path
@@ -35,7 +35,7 @@ def below(folder, *patterns):
 
 
 def test_code_and_data_of_users_are_in_the_wheel(unpacked):
-    """Those of developers, such as the benchmarks, are not."""
+    """Code of developers, such as the benchmarks, is not."""
     packages = {path.name for path in unpacked.iterdir() if path.suffix != ".dist-info"}
     assert packages == {"ncti", "studies", "sweeps"}
     conf = below(unpacked / "sweeps" / "conf", "*.yaml")

@@ -1,4 +1,4 @@
-"""The convolutional network: a classifier of scikit-learn, of its seed alone, where torch is."""
+"""The convolutional network is a scikit-learn classifier that depends on its seed alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CLASSES, BINS, BLIP = 3, 60, 5
 
 
 def blips(rng, places, *, each=40, noise=0.2):
-    """Vectors with one narrow blip: its place tells the class."""
+    """Return vectors with one narrow blip, whose place tells the class, and their classes."""
     y = np.repeat(np.arange(CLASSES), each)
     bins = np.arange(BINS)
     shapes = np.abs(bins - np.array(places)[y][:, None]) <= BLIP // 2
@@ -27,7 +27,7 @@ def test_it_is_a_scikit_learn_classifier(estimator, check):
 
 
 def test_it_learns_where_a_feature_lies():
-    """A blip at 10, 30 or 50: noise of 0.2 on five bins of height 1 hides none."""
+    """Noise of 0.2 hides no blip of five bins of height 1, at 10, 30 or 50."""
     rng = np.random.default_rng(0)
     X, y = blips(rng, [10, 30, 50])
     network = ConvolutionalNetwork(random_state=0).fit(X, y)
@@ -54,7 +54,7 @@ def test_shifts_in_training_make_it_insensitive_to_shifts():
 
 
 def test_answers_are_of_the_seed_alone_whatever_the_threads():
-    """To the bit; the state of torch's own generator and its threads stay as they were."""
+    """They are equal to the bit; torch's random state and number of threads do not change."""
     X, y = blips(np.random.default_rng(2), [10, 30, 50], each=20)
     answers, threads = [], torch.get_num_threads()
     try:

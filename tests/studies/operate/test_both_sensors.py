@@ -1,4 +1,4 @@
-"""Both sensors beside the better of them, at random aspects that nobody learned."""
+"""Both sensors together lose nothing to the better one, at random aspects not learned."""
 
 from functools import cache
 
@@ -51,7 +51,7 @@ def drawn():
 
 @cache
 def shares(footprint, slant_range, cnr):
-    """Percent identified, (seed, pulse, frames, channel), of all ships."""
+    """Return percent identified of all ships, (seed, pulse, frames, channel)."""
     seen = [
         seen_views(*ship_views, footprint=footprint) for ship_views in zip(*drawn(), strict=True)
     ]
@@ -94,7 +94,7 @@ def test_both_sensors_are_never_worse_than_the_better_of_them():
         share = shares(*setting).mean(axis=0)
         assert share[..., 0].max() > 95 > 90 > share[..., 1].max()  # where fusion is hardest
         gains.append(share[..., 2] - share[..., :2].max(axis=-1))
-    # The aim over all settings, in percentage points. Both may gain, but not in exchange.
+    # The aim over all settings, in percentage points; gains do not make up for losses.
     assert np.minimum(gains, 0).mean() > -0.1 and np.min(gains) > -1
 
 
@@ -106,14 +106,14 @@ def densities(seed, samples=5, ships=3, templates=9):
 def test_joint_evidence_is_the_mean_over_templates_of_the_product():
     (first_logs, first_density), (second_logs, second_density) = densities(0), densities(1)
     exact = logsumexp((first_logs + second_logs).reshape(5, 3, 9), axis=2) - np.log(9)
-    # 2^-24 of 100, several times.
+    # The bound is several roundings of 2^-24 of 100.
     assert np.allclose(joint_evidence(first_density, second_density), exact, atol=1e-3)
     assert np.array_equal(joint_evidence(first_density), ship_evidence(first_logs, 3))
 
 
 @pytest.mark.parametrize("templates", [2, 4, 5, 30])
 def test_densities_over_places_have_every_place_alike(templates):
-    # A density that only depends on the place, and one that does not.
+    # One density depends on the place alone, and one is constant.
     of_place = np.array([0.1, 1.0, 0.4, 0.2], dtype=np.float32)
     density = np.tile(np.resize(of_place, templates), (3, 2, 1))
     mean = of_place[:templates].mean()
@@ -138,7 +138,7 @@ def test_log_densities_counted_four_times_are_divided_by_four():
 
 
 def bars(shift):
-    """Silhouettes of two ships of 16 and 20 pixels, in views that a shift moves on."""
+    """Return silhouettes of two ships of 16 and 20 pixels, which a shift moves on."""
     images = np.zeros((2, 6, 3, 40), bool)
     for ship, length in enumerate((16, 20)):
         for view in range(6):
@@ -161,5 +161,5 @@ def test_silhouettes_are_trusted_as_far_as_views_left_out_are_recognized(
         for tests in (templates, bars(shift))
     )
     factor = (of_others / of_learned).mean()
-    # Less only where errors of templates are larger than the noise.
+    # They are trusted less only where errors of templates are larger than the noise.
     assert factor == pytest.approx(1.0) if trusted == 1 else factor < trusted

@@ -1,4 +1,4 @@
-"""Evidence of templates and ships, and shares of the first ships of a list."""
+"""Evidence is a Gaussian density, and shares of the first ships do not depend on others."""
 
 import math
 
@@ -91,6 +91,6 @@ def test_resampled_shares_scatter_as_binomials():
     share, resampled = fleet_shares(evidence, tests, [4], uniforms)
     assert share[0] == right.mean()
     variance = (right.mean(axis=1) * (1 - right.mean(axis=1))).sum() / 16 / 100
-    # Ship by ship; four standard errors of a mean and of a variance of Gaussians.
+    # Bounds are four standard errors of a mean and of a variance of Gaussians, ship by ship.
     assert abs(resampled.mean() - share[0]) < 4 * math.sqrt(variance / resamples)
     assert abs(resampled.var() / variance - 1) < 4 * math.sqrt(2 / resamples)

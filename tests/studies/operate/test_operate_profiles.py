@@ -1,4 +1,4 @@
-"""Profiles of many views, their noise and their match, against the library's exact ones."""
+"""Profiles of many views, their noise and likelihoods agree with the library's exact ones."""
 
 import math
 
@@ -68,7 +68,7 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
         closed = np.outer(amplitude, amplitude) * target + still * (free + count) * noise_alone
         assert np.allclose(np.diag(closed), np.diag(exact), rtol=1e-5)
         scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
-        # An IFOV that sees a short stretch of ship is the more correlated.
+        # IFOVs that see a short stretch of the ship are more correlated.
         assert np.abs((closed - exact) / scale).max() < 0.25
         # The sample covariance has a standard error of at most sqrt(2 / draws) of the variances;
         # 6 of them for some 10^4 elements.

@@ -1,4 +1,4 @@
-"""Silhouettes of many views, and how often two are told apart."""
+"""Silhouettes are the library's, and two are told apart as often as theory says."""
 
 import math
 
@@ -23,7 +23,7 @@ def test_silhouettes_are_those_of_the_library(footprint):
     images = silhouettes(seen, footprint=footprint, coverage_rule=0.25, **window)
     for image, view, place in zip(images, views, places, strict=True):
         exact = silhouette(view, footprint=footprint, phase=place, margin=0).target(0.25)
-        # Equal but for sea around, and for the curvature of the wave, which moves no pixel here.
+        # They are equal but for sea around; the curvature of the wave moves no pixel here.
         rows, columns = np.nonzero(image.any(axis=1))[0], np.nonzero(image.any(axis=0))[0]
         ours = image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         rows, columns = np.nonzero(exact.any(axis=1))[0], np.nonzero(exact.any(axis=0))[0]

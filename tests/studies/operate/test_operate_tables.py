@@ -1,4 +1,4 @@
-"""Tables of a sweep whose shares are known functions of the setting."""
+"""Tables of frames and costs are right for shares that are known functions of the setting."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ NEEDED = 16.0  # frames at 100 km, 150 urad, 32 dB, 30 ns, by profile
 
 
 def shares(resamples=3):
-    """Shares that reach 95 % on a straight line in the logarithm of the frames."""
+    """Return shares that rise to 95 % on a straight line in the logarithm of the frames."""
     grid = xr.Dataset(coords=AXES)
     needed = NEEDED * (grid.range / 100) ** 4 * (grid.ifov / 150) * (grid.pulse_width / 30)
     needed = needed * 10 ** ((32 - grid.cnr) / 10)
@@ -53,7 +53,7 @@ def test_frames_are_those_of_the_setting_of_the_article():
 def test_the_cheapest_setting_is_the_least_of_all():
     table = tabulate_cheapest(shares()).squeeze("fleet").sel(range=100)
     # Frames go as the IFOV and the cost as its inverse square, so that the wider one is cheaper.
-    # Those of the CNR cancel; a short pulse needs fewer frames and costs nothing.
+    # Effects of the CNR cancel; a short pulse needs fewer frames and costs nothing.
     profile = table.sel(channel="profile")
     assert (profile.best_ifov, profile.best_pulse_width) == (150, 10)
     assert profile.cost.item() == pytest.approx(1 / 3)

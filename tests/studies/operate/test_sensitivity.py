@@ -1,4 +1,4 @@
-"""Sobol indices of a function with known ones, and interpolation of a grid."""
+"""Sobol indices and interpolation of a grid agree with closed forms."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_indices_of_the_ishigami_function():
     variance = first + second + interaction
     expected = np.array([first, second, 0]) / variance
     totals = np.array([first + interaction, second, interaction]) / variance
-    # Twice a 95 % interval: 4 standard deviations, of six figures.
+    # The bound of six figures is twice a 95 % interval, which is 4 standard deviations.
     assert (np.abs(indices.first - expected) < 2 * indices.first_interval + 1e-3).all()
     assert (np.abs(indices.total - totals) < 2 * indices.total_interval + 1e-3).all()
     assert indices.names == ("a", "b", "c") and (indices.total_interval < 0.1).all()

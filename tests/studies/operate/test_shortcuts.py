@@ -1,4 +1,4 @@
-"""Loss of the quick match: against each template's own covariance, and sampled frames."""
+"""The quick match loses little against each template's own covariance and sampled frames."""
 
 import numpy as np
 import pytest
@@ -17,6 +17,6 @@ def test_one_covariance_names_as_many_views_as_each_templates_own(setting):
     # Of 800 views the answers differ in 2 % at most, so paired differences have a standard
     # deviation of at most sqrt(0.02 / 240) = 0.9 points: four of them, and a loss of half a point.
     assert abs(shared[0].mean() - exact.mean()) < 0.04
-    # Independent draws of the same views: their differences scatter between views.
+    # Draws of the same views are independent: their differences scatter between views.
     difference = drawn.mean(axis=0) - shared.mean(axis=0)
     assert abs(difference.mean()) < 4 * difference.std() / np.sqrt(TESTS)

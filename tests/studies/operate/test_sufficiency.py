@@ -1,4 +1,4 @@
-"""Frame counts at which shares reach a level, and the least cost of that."""
+"""Frame counts at which shares reach a level, and the cheapest settings, are right."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Agreement of figures, and posteriors whose closed forms are known."""
+"""Distances between figures, and posteriors of settings, agree with closed forms."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_binomial_variance_is_that_of_laplaces_rule():
 
 
 def test_distances_of_right_figures_have_a_chi_square_distribution():
-    """Given figures about their expectations, and simulated means about these: level 1 in 1,000."""
+    """Given figures and simulated means scatter about the same expectations: level 1 in 1,000."""
     rng = np.random.default_rng(1)
     count, figures = 4000, 7
     article_sigma, mean_sigma = rng.uniform(1, 5, figures), rng.uniform(0, 3, figures)
@@ -47,10 +47,10 @@ def test_so_have_those_of_figures_that_vary_together():
 
 
 def test_the_posterior_of_linear_figures_is_the_normal_one():
-    """Two parameters with a flat prior, three figures A p: covariance (A' S^-1 A)^-1.
+    """Two parameters of three figures A p, with a flat prior, have covariance (A' S^-1 A)^-1.
 
-    Figures are simulated with noise of variance v, and both variances are taken as the distance's:
-    the posterior then is that of figures with variance s^2 + 2 v.
+    Figures are simulated with noise of variance v, and the distance has the sum of variances:
+    the posterior is then the one of figures with variance s^2 + 2 v.
     """
     rng = np.random.default_rng(2)
     design = np.array([[1.0, 0.5], [0.0, 1.0], [1.0, -1.0]])
@@ -62,7 +62,7 @@ def test_the_posterior_of_linear_figures_is_the_normal_one():
     precision = design.T @ np.diag(1 / (sigma**2 + 2 * noise**2)) @ design
     covariance = np.linalg.inv(precision)
     assert posterior.temperature == 1
-    # Standard errors of mean and variance from as many effective draws: five of them.
+    # Bounds are five standard errors of mean and variance from as many effective draws.
     n = posterior.effective
     mean = posterior.mean(parameter)
     assert (np.abs(mean - truth) < 5 * np.sqrt(np.diag(covariance) / n)).all()
@@ -97,10 +97,10 @@ def test_all_settings_are_left_where_nothing_tells_them_apart():
     st.floats(0.01, 0.99),
 )
 def test_weighted_quantiles_are_those_of_repeated_values(rows, share):
-    """Integers as weights, and each value as often: an independent way to the same quantile."""
+    """It is the quantile of a list that has each value as often as its whole weight."""
     counts, values = np.array(rows).T
     if counts.sum() == 0 or (share * counts.sum()) % 1 < 1e-9:
-        return  # nothing, or a step, whose side is left to rounding
+        return  # no weight, or a step, of which rounding decides the side
     posterior = posterior_weights(np.zeros(len(values)))
     posterior = type(posterior)(counts / counts.sum(), 1.0)
     repeated = np.sort(np.repeat(values, counts.astype(int)))

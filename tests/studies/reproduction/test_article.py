@@ -1,4 +1,4 @@
-"""The article's figures, and settings beside them."""
+"""Settings are compared with the article's figures by variances and correlations."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_variances_are_binomial_and_those_of_our_means():
 
 
 def test_averages_of_the_same_frames_vary_together():
-    """By table and bin, as averages of a random walk; nothing else does."""
+    """Within a table and bin they vary as averages of a random walk; no others vary together."""
     agreement = compared(article()[None])
     names = [f"{figure.table}, {figure.name}" for figure in agreement.figures]
 
@@ -90,7 +90,7 @@ def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chose
 
 
 def test_only_parameters_that_decide_are_informed():
-    """Figures that follow one number and one word: all others have the bits of chance."""
+    """Figures follow one number and one word; all other parameters have the bits of chance."""
     draws = [assumed(number) for number in range(512)]
     value = np.array([[PRIORS[n].number(draw[n]) for n in PRIORS] for draw in draws])
     names = list(PRIORS)

@@ -1,4 +1,4 @@
-"""Values drawn for the parameters that the article leaves open."""
+"""Parameters that the article leaves open are drawn by their priors, from one series."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ WORDS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, Choi
 
 
 def test_a_setting_is_its_number_in_one_series():
-    """Whatever other settings are drawn: the series drawn at once has the same."""
+    """A series drawn at once has the same settings."""
     series = Sobol(len(PRIORS), scramble=True, seed=7).random(16)
     for number in (0, 1, 6, 15):
         values = assumed(number, seed=7)

@@ -1,4 +1,4 @@
-"""Settings that the article leaves open: resumed, extended, and compared with the article."""
+"""Sweeps of settings that the article leaves open can be extended, and have tables beside it."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ GROUP = "reproduction"
 
 @pytest.mark.usefixtures("one_variant")
 def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path, cache):
-    """A store of two settings that is extended to three is that of three at once, bit for bit."""
+    """A store of two settings, extended to three, equals one of three at once, bit for bit."""
     for count in (2, 3):
         finished = swept(
             tmp_path / "grown.zarr", tmp_path / "a", *SMALL, f"reproduce.setting={count}"
@@ -28,7 +28,7 @@ def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path
     expected = [prior.number(values[name]) for name, prior in PRIORS.items()]
     np.testing.assert_array_equal(settings.value.sel(setting=2), expected)
     assert settings.parameter.values.tolist() == list(PRIORS)
-    # Tables: weights of sum one, figures within those of settings, the article's figures.
+    # Tables have weights of sum one, figures within the settings', and the article's figures.
     fits = opened(tmp_path / "once.zarr", "tables/reproduction_fits")
     assert fits.fitted.values.tolist() == list(FITS)
     np.testing.assert_allclose(fits.weight.sum("setting"), 1)

@@ -1,4 +1,4 @@
-"""Simulated tables: their parts against closed forms and plain computations, and the whole."""
+"""Simulated tables agree with tables of sweeps, and their parts with plain computations."""
 
 from functools import cache
 
@@ -47,7 +47,7 @@ def extent(name, aspect):
 
 
 def test_averages_have_the_moments_of_frames_and_share_their_first():
-    """Means, variances and the covariance of an average with a longer one, within 5 errors."""
+    """Means, variances and covariances with a longer average are exact within 5 errors."""
     count, frames = 4000, (32, 8)
     ship_extent = extent("duncan", 60.0)
     averages = averaged_profiles(
@@ -65,7 +65,7 @@ def test_averages_have_the_moments_of_frames_and_share_their_first():
         assert np.abs(off[:, k].mean(axis=0) / np.sqrt(variance / frame_count / count)).max() < 5
         ratio = off[:, k].var(axis=0) * frame_count / variance
         assert np.abs(ratio - 1).max() < 5 * np.sqrt(2 / count)
-    # An average of N frames and one of its first n: both have the n, so the covariance is 1 / N.
+    # An average of N frames and one of its first n share the n, so the covariance is 1 / N.
     together = (off[:, 0] * off[:, 1]).mean(axis=0) * frames[0] / variance
     assert np.abs(together - 1).max() < 5 * np.sqrt((1 + frames[0] / frames[1]) / count)
     # Neighbouring bins are correlated as in frames.
@@ -76,9 +76,9 @@ def test_averages_have_the_moments_of_frames_and_share_their_first():
 
 @pytest.mark.parametrize(("free", "cnr"), [(0, 60.0), (1000, 10**3.2)])
 def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
-    """Nearest template by cosine, four frames, where a normal distribution fits them least.
+    """The largest cosine names a view, from four frames, which are the least normal.
 
-    Two samples of answers of the same views: the difference of the shares within four errors.
+    Shares of two samples of answers to the same views differ by less than four errors.
     """
     views = [(name, aspect) for name in SHIPS for aspect in (0.0, 30.0, 60.0, 90.0)]
     signal = {"pulse_width": 30e-9, "cnr": cnr, "target_free_ifovs": free}
@@ -136,7 +136,7 @@ def test_orders_present_ships_or_aspects_first():
 
 
 def test_scores_do_not_depend_on_where_a_view_stands():
-    """Views in another place, presented in the same order: the same answers, view by view."""
+    """Views in other places, presented in the same order, have the same scores."""
     rng = np.random.default_rng(6)
     number, aspect = np.repeat(np.arange(4), 9), np.tile(np.linspace(0, 90, 9), 4)
     templates = rng.random((36, 12)) + np.eye(4, 12)[number]
@@ -163,7 +163,7 @@ def test_scores_do_not_depend_on_where_a_view_stands():
 
 
 def test_a_threshold_keeps_the_largest_region_above_it():
-    """Against a plain threshold: the same mask where the largest region is also the warmest."""
+    """The mask is the largest region above a plain threshold, with its holes filled."""
     target = np.zeros((6, 16, 40), dtype=bool)
     target[:, 5:10, 6:34] = True
     imager = Imager(0.25, 0.6, 0.0, 0.4, 0.1, 0.1)  # a contrast of four deviations
@@ -180,9 +180,9 @@ def test_a_threshold_keeps_the_largest_region_above_it():
 
 
 def test_the_defaults_give_the_tables_of_sweeps():
-    """`docs/reproduction.md` has them, of other draws and lines twice as dense.
+    """`docs/reproduction.md` has the tables, of other draws and lines twice as dense.
 
-    Within four errors of both means: standard errors of the page, and ours of twelve draws.
+    They agree within four errors of both means: the page's, and ours of twelve draws.
     """
     tables = reproduce(NOMINAL, aspects=ASPECTS, draws=12, rng=np.random.default_rng(9), view=view)
     assert np.abs(tables["table3"].mean - [31, 19, 16]).max() <= 2

@@ -1,4 +1,4 @@
-"""Run time against error: errors beside the plain computation."""
+"""Errors in the study of run times are the library's errors against the exact reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The field of regard: detections conserve pixels, cues hold ships, chances are the library's."""
+"""Detections have every hot pixel, cues hold ships, and probabilities are the library's."""
 
 import math
 
@@ -74,7 +74,7 @@ def test_a_cue_holds_the_whole_ship_whatever_is_seen_of_it(ship, more, detector,
 
 @pytest.mark.parametrize("false_alarm", [1e-2, 1e-3])
 def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_alarm):
-    """Binomial z-tests at 4 sigma (6e-5): of 600 draws, and of their 600 x 288 pixels of sea."""
+    """600 draws and their 600 x 288 pixels of sea pass binomial z-tests at 4 sigma (6e-5)."""
     field, draws = field_of(15, 20), 600
     ship = np.argwhere(np.ones((6, 2), bool)) + np.array([7, 6])
     noise = {"nedt": 0.4, "target_spread": 0.1, "sea_spread": 0.05}

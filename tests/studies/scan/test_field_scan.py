@@ -1,4 +1,4 @@
-"""A scan of the field of regard: detections add up, and take the time that they should."""
+"""Detections of a scan of the field of regard add up, and their times have closed forms."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_time_is_the_closed_form_of_the_visits(scan):
 
 
 def test_the_sea_is_no_ship_and_what_is_near_is_named(scan):
-    """Of some 70 visits to the sea; two ships at 50 km, at aspects between; by 16 frames."""
+    """By 16 frames some 70 visits to the sea are rejected, and two ships at 50 km are named."""
     long = scan.sel(frame_count=16)
     assert int(long.false.sum()) > 30
     assert (long.false == long.false_rejected).all()
@@ -140,7 +140,7 @@ def test_a_search_counts_ships_decoys_and_alarms():
 
 
 def test_a_view_has_the_depression_and_the_size_of_its_own_range():
-    """A barge abeam, at 40 to 60 km: its side and its deck, at the depression of its own range."""
+    """A barge abeam at 40 to 60 km shows side and deck, at the depression of its own range."""
     barge = box(120.0, 20.0, 8.0)
     scene = {"depth": 0.2, "slant_range": 50e3, "depression": 3.84, "length": 360, "height": 120}
     bins = {"ifov": 150e-6, "bin_width": 1.0, "window": 250.0, "spread": 0.5}
@@ -152,5 +152,5 @@ def test_a_view_has_the_depression_and_the_size_of_its_own_range():
         area = arrays["fraction"].sum() * (150e-6 * far) ** 2
         down = np.arcsin(50e3 * np.sin(np.radians(3.84)) / far)
         exact = 120 * (8 * np.cos(down) + 20 * np.sin(down))
-        # Lines of 0.1 m; a deck at 3.84 deg would be 2 % off at 60 km.
+        # Lines are 0.1 m apart; a deck at 3.84 deg would be 2 % off at 60 km.
         assert area == pytest.approx(exact, rel=0.005)

@@ -1,4 +1,4 @@
-"""The time of a search: closed forms, and the time that visits save."""
+"""The time of a search, and the time that visits save, have closed forms."""
 
 import math
 
