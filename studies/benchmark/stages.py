@@ -45,9 +45,9 @@ from sweeps.engine.declare.stage import (
     Stage,
     Stream,
     Table,
+    derived,
     in_memory,
     inner,
-    plain,
     stage,
 )
 from sweeps.stages import meshes
@@ -119,13 +119,13 @@ TESTS = Group(f"{SENSOR}/tests", uses_sensor(SENSOR), USED, DIMS)
 # Rows
 
 
-@plain(uses=(Benchmark,))
+@derived(uses=(Benchmark,))
 def learned_split(split: str) -> str:
     """Return the first split with the same training, so that equal ones are learned once."""
     return same_training_split(split)
 
 
-@plain()
+@derived()
 def unknown_mesh_sources() -> tuple[MeshSource, ...]:
     """Return the sources of the ships absent from training."""
     return tuple(meshes.mesh_source(ShipName(name, name)) for name in OUTSIDERS.values())

@@ -18,7 +18,7 @@ from studies import operate as library
 from studies.operate import ViewExtents, tables
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, count
-from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, derived, in_memory, stage
 from sweeps.stages import views
 from sweeps.stages.arguments import restore
 from sweeps.stages.infrared import Infrared, check_window
@@ -83,7 +83,7 @@ def operate_lines(
     return library.draw_views(mesh, operate_views["aspects"], depression=depression, spacing=pixel)
 
 
-@plain(uses=(Ladar,), reads={"slant_range": Grid.range})
+@derived(uses=(Ladar,), reads={"slant_range": Grid.range})
 def operate_footprint(slant_range: float, ifov: float) -> float:
     """Return the side of an IFOV on the target [m]; equal ones share range extents."""
     return round(footprint(slant_range, ifov), 9)
@@ -168,7 +168,7 @@ operate_silhouettes = in_memory(
 
 # Answers
 
-operate_trial = plain(uses=USED, name="operate_trial")(library.Trial)
+operate_trial = derived(uses=USED, name="operate_trial")(library.Trial)
 identified = OPERATED.stage(
     Output("share", ("channel",), label="share of views identified"),
     Output("resampled", ("channel", "resample"), label="share of views, drawn anew from them"),

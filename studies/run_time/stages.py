@@ -27,9 +27,9 @@ from sweeps.engine.declare.stage import (
     Group,
     Output,
     Stream,
+    derived,
     in_memory,
     inner,
-    plain,
     stage,
 )
 from sweeps.stages import views
@@ -114,8 +114,8 @@ def profile_noise(
 # Samplings
 
 
-timed_view = plain(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(keywords)
-timed_beam = plain(reads=BINNED, name="timed_beam")(keywords)
+timed_view = derived(reads=VIEW | {"slant_range": "drawn_range"}, name="timed_view")(keywords)
+timed_beam = derived(reads=BINNED, name="timed_beam")(keywords)
 
 
 @in_memory()

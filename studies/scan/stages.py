@@ -33,7 +33,7 @@ from studies.scan import (
 from studies.scan.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, Unit, count, number, word
-from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, derived, in_memory, stage
 from sweeps.stages import views
 from sweeps.stages.classifier import check_receiver
 from sweeps.stages.infrared import Infrared, check_window
@@ -108,8 +108,8 @@ def scan_edges() -> NDArray[np.str_]:
 
 # Targets
 
-field = plain(uses=(Scan, Ladar), name="field")(Field)
-survey = plain(
+field = derived(uses=(Scan, Ladar), name="field")(Field)
+survey = derived(
     uses=(Scan, Grid, Ladar),
     reads={
         "slant_range": Grid.range,
@@ -168,7 +168,7 @@ def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Tar
 
 # Detections of the imager
 
-scan_imager = plain(
+scan_imager = derived(
     uses=(Infrared, Scan), reads={"frame_count": Scan.imager_frames}, name="scan_imager"
 )(Imager)
 _of_target = partial(Output, dims=("target",), dtype="i4")
@@ -201,8 +201,8 @@ detected = FIELD.stage(
 
 DRAW = Grid.replicate.name
 
-laser = plain(uses=(Grid, Ladar, Scan), name="laser")(Laser)
-rates = plain(uses=(Scan,), name="rates")(Rates)
+laser = derived(uses=(Grid, Ladar, Scan), name="laser")(Laser)
+rates = derived(uses=(Scan,), name="rates")(Rates)
 
 
 # Templates of known ships

@@ -20,7 +20,7 @@ from ncti.classify.clustering import Clustering, Similarities, cluster, move_cat
 from ncti.classify.directions import MAX_PASSES, NO_CATEGORY, unit_vectors
 from ncti.evaluate import category_formation
 from sweeps.engine.declare.settings import Run, Settings, count, draws, number, switch, word
-from sweeps.engine.declare.stage import At, Output, in_memory, inner, plain
+from sweeps.engine.declare.stage import At, Output, derived, in_memory, inner
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, VIEW, Indices, Integers, Mask, read_in_blocks
@@ -293,7 +293,7 @@ def silhouette_training_set(
     return TrainingSet.of_views(template_log_polar, valid, training_views, classifier.map_vectors)
 
 
-@plain(uses=(Network, Run))
+@derived(uses=(Network, Run))
 def profile_order(orders: int, seed: int) -> tuple[int, int]:
     """Return the number and seed of an order of presentation; order 0, the grid's own, has none."""
     return orders, seed if orders else 0

@@ -15,7 +15,7 @@ Kind = TypeVar("Kind")
 
 
 def keywords(**values: Any) -> Keywords:
-    """Return some values with their names: a plain stage with the arguments of a function."""
+    """Return some values with their names: a derived stage with the arguments of a function."""
     return tuple(values.items())
 
 

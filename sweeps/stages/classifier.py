@@ -33,8 +33,8 @@ from sweeps.engine.declare.stage import (
     Output,
     Status,
     coordinate,
+    derived,
     in_memory,
-    plain,
 )
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import scores, views
@@ -195,7 +195,7 @@ def tested_ships(ship: Sequence[str]) -> Mask:
 # Training views
 
 
-@plain(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,))
+@derived(uses=(Grid, RandomAspects, Run), gather=(Grid.aspect,))
 def test_aspects(aspect: tuple[float, ...], random_aspects: int, seed: int) -> tuple[float, ...]:
     """Return the random test aspects, which training leaves out by default."""
     return draw_aspects(aspect[0], aspect[-1], random_aspects, seed)
@@ -221,7 +221,7 @@ class AspectSelection:
         return learned
 
 
-aspect_selection = plain(uses=(Classifier,), name="aspect_selection")(AspectSelection)
+aspect_selection = derived(uses=(Classifier,), name="aspect_selection")(AspectSelection)
 
 
 @in_memory(uses=(Grid, Classifier), gather=GATHERED)

@@ -21,7 +21,7 @@ from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.settings import Choices, Run, Setting
-from sweeps.engine.declare.stage import Output, coordinate, in_memory, inner, plain
+from sweeps.engine.declare.stage import Output, coordinate, derived, in_memory, inner
 from sweeps.stages import irar, meshes, views
 from sweeps.stages.arguments import Keywords, keywords, settings_by_dimension
 from sweeps.stages.irar import FLIGHTS, FLOWN, RECORDED, Error, Irar, flight_of
@@ -40,19 +40,19 @@ SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
 OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
 
 
-receivers = plain(reads=settings_by_dimension(RECORDED[1:]), name="receivers")(keywords)
-flight_place = plain(
+receivers = derived(reads=settings_by_dimension(RECORDED[1:]), name="receivers")(keywords)
+flight_place = derived(
     reads={"ship": Grid.ship, "aspect": Grid.aspect, "seed": Run.seed}, name="flight_place"
 )(keywords)
 
 
-@plain(uses=(Irar, Grid), reads=settings_by_dimension(FLOWN))
+@derived(uses=(Irar, Grid), reads=settings_by_dimension(FLOWN))
 def course(ship: ShipName, flown: tuple[str, ...] | None, **values: Any) -> Keywords | None:
     """Return the settings of a pass; None for a ship that is not flown past."""
     return None if flown is not None and ship not in flown else keywords(**values)
 
 
-flight_draw = plain(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
+flight_draw = derived(uses=(Grid, Irar), name="flight_draw")(irar.draw_number)
 
 
 def if_flown(function: Callable[..., Result]) -> Callable[..., Result | None]:
@@ -164,7 +164,7 @@ IMAGES = {  # unit and label
 _place = partial(inner, dtype="i4", unit="pixel")
 
 
-flight_chain = plain(uses=(Irar,), reads={"form": Irar.chain}, name="flight_chain")(Chain)
+flight_chain = derived(uses=(Irar,), reads={"form": Irar.chain}, name="flight_chain")(Chain)
 
 
 @FLIGHTS.stage(

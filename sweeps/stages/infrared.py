@@ -45,9 +45,9 @@ from sweeps.engine.declare.stage import (
     Output,
     Table,
     coordinate,
+    derived,
     in_memory,
     inner,
-    plain,
     stage,
 )
 from sweeps.engine.resolve.streams import cell_rng
@@ -194,7 +194,7 @@ class Infrared(Settings, key="infrared"):
 # Stages
 
 
-@plain()
+@derived()
 def silhouette_engine(drawing_engine: str) -> str:
     """Return the engine of silhouettes: a mask in place of OpenGL, since they need no depth."""
     return MASK if drawing_engine in OPENGL else drawing_engine
@@ -222,7 +222,7 @@ def hits(image: RangeImage | LineImage | Mask) -> Arrays:
 
 
 training_hits = replace(hits, name="training_hits", reads={"image": "training_image"})
-imager = plain(uses=(Infrared,), name="imager")(Imager)
+imager = derived(uses=(Infrared,), name="imager")(Imager)
 
 
 @in_memory(uses=(Infrared, Grid, Run))
@@ -256,7 +256,7 @@ OF_VIEWS = Group(
 )
 OF_VIEW = {"self": "detector_view"}  # of methods of it
 BY_PLACE: dict[str, Any] = {"along": (Infrared.subpixel_offsets, Infrared.frame_count)}
-infrared_window = plain(
+infrared_window = derived(
     uses=(Infrared,),
     reads={
         "slant_range": Infrared.range,

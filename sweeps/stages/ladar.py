@@ -24,7 +24,7 @@ from ncti.ladar.window import window_requirement
 from ncti.machine_code import CompiledLoops
 from ncti.render import LineImage, RangeImage
 from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, count, number, word
-from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, in_memory, plain, stage
+from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, derived, in_memory, stage
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import meshes, views
 from sweeps.stages.arguments import restore
@@ -150,13 +150,13 @@ EXTENT = (  # arrays of a packed `RangeExtent`
 )
 
 
-@plain()
+@derived()
 def corner_offset() -> IfovOffset:
     """Return the place of the ship origin in expected profiles: the corner of an IFOV."""
     return 0.0, 0.0
 
 
-@plain(uses=(Grid, Ladar))
+@derived(uses=(Grid, Ladar))
 def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) -> float:
     """Return the carrier-to-noise power ratio of a filled IFOV at a range [m]."""
     return library.carrier_to_noise(
@@ -164,7 +164,7 @@ def cnr_at_range(range: float, cnr: float, cnr_range: float, extinction: float) 
     )
 
 
-@plain(uses=(Grid, Ladar, Run))
+@derived(uses=(Grid, Ladar, Run))
 def ifov_offset(
     ship: str,
     aspect: float,
@@ -211,7 +211,7 @@ offset_extent = replace(
 offset_ifovs = replace(ifovs, name="offset_ifovs", reads={"extent": "offset_extent"})
 
 
-@plain(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width))
+@derived(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width))
 def fineness(
     pulse_width: tuple[float, ...], bin_width: tuple[float, ...], tolerance: float | None
 ) -> tuple[float, ...]:

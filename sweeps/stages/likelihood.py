@@ -18,7 +18,7 @@ from ncti.ladar import spread_place
 from ncti.ladar.places import TEMPLATE_PLACES, IfovOffset
 from ncti.ships import names
 from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number, switch
-from sweeps.engine.declare.stage import NOWHERE, Output, Stream, in_memory, plain, stage
+from sweeps.engine.declare.stage import NOWHERE, Output, Stream, derived, in_memory, stage
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import (
@@ -112,7 +112,7 @@ class Prior:
         return profiles - estimated_floor(profiles) if self.floor_estimated else profiles
 
 
-prior = plain(uses=(Likelihood,), name="prior")(Prior)
+prior = derived(uses=(Likelihood,), name="prior")(Prior)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +176,7 @@ def alternative_views(
     return ~classifier.training_ships(ship, alternative)[:, None] & aspect_selection.mask(aspect)
 
 
-@plain(uses=(Grid, Classifier, Likelihood))
+@derived(uses=(Grid, Classifier, Likelihood))
 def template_offset(
     template_places: int,
     ship: str,

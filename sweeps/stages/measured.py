@@ -19,7 +19,7 @@ from ncti.evaluate import tabulate_scores
 from ncti.irar import ShipPixels, measured_extent
 from ncti.ladar import expected_profile, no_return
 from sweeps.engine.declare.settings import Choices
-from sweeps.engine.declare.stage import NOWHERE, Output, Stream, coordinate, in_memory, plain
+from sweeps.engine.declare.stage import NOWHERE, Output, Stream, coordinate, derived, in_memory
 from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.arguments import Keywords, keywords, restore, settings_by_last_word
@@ -129,7 +129,7 @@ ANSWERS = ClassifierGroup.of_classifier(
 
 
 LEARNING = ("presentation", "vigilance", "learning_rate", "max_passes", "label_rule")
-acn_settings = plain(
+acn_settings = derived(
     reads=settings_by_last_word(Network)
     | {"presentation": "profile_order", "vigilance": Grid.vigilance},
     name="acn_settings",
@@ -139,7 +139,7 @@ TRAINED = ("acn", "mnn", "correlation")
 """Classifiers of measured profiles: those that need no moments, which are unknown for them."""
 
 
-@plain(uses=(Classifier,))
+@derived(uses=(Classifier,))
 def training_method(
     name: str, acn_settings: Keywords, mnn_settings: Keywords
 ) -> tuple[str, Keywords]:

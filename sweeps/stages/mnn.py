@@ -12,7 +12,7 @@ from ncti.classify.blocks import row_blocks
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from sweeps.engine.declare.settings import Settings, count, number, switch, word
-from sweeps.engine.declare.stage import Output, Stream, inner, plain
+from sweeps.engine.declare.stage import Output, Stream, derived, inner
 from sweeps.stages import classifier
 from sweeps.stages.arguments import Keywords, keywords, settings_by_last_word
 from sweeps.stages.classifier import GATHERED, NONE, Mask
@@ -72,7 +72,7 @@ class Mnn(Settings, key="classifier.mnn", single="coordinate"):
     max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", single="")
 
 
-mnn_settings = plain(reads=settings_by_last_word(Mnn), name="mnn_settings")(keywords)
+mnn_settings = derived(reads=settings_by_last_word(Mnn), name="mnn_settings")(keywords)
 
 
 @ANSWERS.stage(

@@ -32,7 +32,7 @@ from sweeps.engine.declare.settings import (
     set_of,
     word,
 )
-from sweeps.engine.declare.stage import Condition, Stage, Status, in_memory, plain
+from sweeps.engine.declare.stage import Condition, Stage, Status, derived, in_memory
 from sweeps.stages import meshes
 from sweeps.stages.meshes import MeshSource
 from sweeps.stages.refusals import refuse
@@ -166,16 +166,16 @@ class Render(Settings, key="render"):
     )
 
 
-mesh_source = plain(uses=(Grid,))(meshes.mesh_source)
+mesh_source = derived(uses=(Grid,))(meshes.mesh_source)
 
 
-@plain(uses=(Grid,), gather=(Grid.ship,))
+@derived(uses=(Grid,), gather=(Grid.ship,))
 def mesh_sources(ship: tuple[ShipName, ...]) -> tuple[MeshSource, ...]:
     """Return the sources of all ships."""
     return tuple(map(meshes.mesh_source, ship))
 
 
-@plain(uses=(Render,))
+@derived(uses=(Render,))
 def drawing_engine(engine: str, tolerance: float | None) -> str:
     """Return the name of the rendering engine; `ConfigurationError` if it does not start."""
     if tolerance is not None and engine not in ("auto", LINES):
@@ -202,7 +202,7 @@ def drawing_engines(choices: Choices) -> tuple[str, ...]:
     return tuple(sorted({drawing_engine.function(word, tolerances[0]) for word in words}))
 
 
-@plain(uses=(Grid, Scene))
+@derived(uses=(Grid, Scene))
 def depression(
     range: float, geometry: str, depression: float, altitude: float, earth_radius: float
 ) -> float:
@@ -218,7 +218,7 @@ def mesh(mesh_source: MeshSource) -> trimesh.Trimesh:
     return meshes.read_mesh(mesh_source)
 
 
-@plain(uses=(Grid, Render))
+@derived(uses=(Grid, Render))
 def drawn_aspect(mesh_source: MeshSource, aspect: float, skip: str) -> float:
     """Return the aspect [deg] to render: on the port side if the ship is symmetric."""
     if aspect <= 180 or skip == "none" or not meshes.is_symmetric(mesh_source):
@@ -226,7 +226,7 @@ def drawn_aspect(mesh_source: MeshSource, aspect: float, skip: str) -> float:
     return round(360 - aspect, 9)  # so that it is the value that the grid has on that side
 
 
-@plain(uses=(Grid, Render))
+@derived(uses=(Grid, Render))
 def drawn_range(
     mesh_source: MeshSource, range: float, tolerance: float | None, skip: str
 ) -> float | None:
@@ -236,7 +236,7 @@ def drawn_range(
     return ncti.render.drawn_range(meshes.reach(mesh_source), range, tolerance=tolerance)
 
 
-sampling = plain(uses=(Render,), reads={"engine": "drawing_engine"}, name="sampling")(Sampling)
+sampling = derived(uses=(Render,), reads={"engine": "drawing_engine"}, name="sampling")(Sampling)
 
 
 @in_memory()
@@ -272,8 +272,8 @@ def image_stages(
     """Return a stage that draws ships at another range, preceded by the stages it needs.
 
     Its depression comes from a setting or stage (`below`), by default from the scene at the range;
-    its engine comes from a plain stage. Images of equal depression, drawn range and engine are one
-    result, whichever stage requests them.
+    its engine comes from a derived stage. Images of equal depression, drawn range and engine are
+    one result, whichever stage requests them.
     """
     range_stage = replace(drawn_range, name=f"{name}_range", reads={"range": range})
     sampling_stage = replace(sampling, name=f"{name}_sampling", reads={"engine": engine})

@@ -11,7 +11,7 @@ from toys import CALLS, SPRINGS, go, having, run
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.settings import Settings, ZippedAxis, count, read_choices, text
-from sweeps.engine.declare.stage import Experiment, Group, Output, plain, stage
+from sweeps.engine.declare.stage import Experiment, Group, Output, derived, stage
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
 GROWN = {
@@ -131,7 +131,7 @@ class Named(Settings, key="named"):
 CONTENT = {"digest": "one"}
 
 
-@plain(uses=(Named,), version="1")  # its code does not include the file
+@derived(uses=(Named,), version="1")  # its code does not include the file
 def content(name):
     """Return the content of the file that a setting names."""
     return CONTENT["digest"]

@@ -33,8 +33,8 @@ from sweeps.engine.declare.stage import (
     Status,
     Stream,
     Table,
+    derived,
     in_memory,
-    plain,
     stage,
 )
 from sweeps.engine.resolve.plan import Plan
@@ -77,7 +77,7 @@ class Measured(Settings, key="measured"):
 STATE = Status("answers", "state of the answers", (Spring.mass, Measured.length))
 
 
-@plain(uses=(Spring,))
+@derived(uses=(Spring,))
 def rate(stiffness, mass):
     """Return the angular frequency [rad/s]; equal for some pairs of stiffness and mass."""
     return round(math.sqrt(stiffness / mass), 12)

@@ -179,12 +179,12 @@ class Mode(Enum):
     IN_MEMORY = "in memory"  # any objects, of which each worker keeps the last few
     # Called while planning: a quick function of settings, whose result, a number, text or tuple of
     # them, counts as a value, whatever its inputs.
-    PLAIN = "plain"
+    DERIVED = "derived"
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A function with its inputs and outputs; declared by `stage`, `plain` or `in_memory`.
+    """A function with its inputs and outputs; declared by `stage`, `derived` or `in_memory`.
 
     A stage with one output returns an array, a stage with several a mapping of arrays.
     """
@@ -277,18 +277,18 @@ class Stage:
         return self.mode is Mode.CACHED
 
     @property
-    def is_plain(self) -> bool:
+    def is_derived(self) -> bool:
         """Whether it is called while planning."""
-        return self.mode is Mode.PLAIN
+        return self.mode is Mode.DERIVED
 
     def check_value(self, value: Value) -> Value:
-        """Return the result of a plain stage; raise DeclarationError if it cannot be in a key."""
+        """Return the result of a derived stage; raise DeclarationError if it cannot be in a key."""
         for element in value if isinstance(value, tuple) else (value,):
             if isinstance(element, tuple):
                 self.check_value(element)
             elif type(element).__repr__ is object.__repr__ and not isinstance(element, Identified):
                 raise DeclarationError(
-                    f"stage {self.name} returned {type(element).__name__!r}, but a plain stage "
+                    f"stage {self.name} returned {type(element).__name__!r}, but a derived stage "
                     "must return a number, text, null, a tuple of them, or a value with an identity"
                 )
         return value
@@ -306,9 +306,9 @@ def stage(*outputs: Output, name: str = "", **how: Any) -> StageDecorator:
     return lambda function: Stage(name or function.__name__, function, outputs, **how)
 
 
-def plain(**how: Any) -> StageDecorator:
+def derived(**how: Any) -> StageDecorator:
     """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
-    return stage(mode=Mode.PLAIN, **how)
+    return stage(mode=Mode.DERIVED, **how)
 
 
 def in_memory(*, keep: int = 2, **how: Any) -> StageDecorator:

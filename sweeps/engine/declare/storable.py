@@ -16,9 +16,9 @@ NAT = np.iinfo(np.int64).min
 
 def is_storable(dtype: np.dtype[Any]) -> bool:
     """Return whether a store can hold numbers, texts or times of a dtype."""
-    is_plain = not (dtype.hasobject or dtype.names or dtype.subdtype)
+    is_basic = not (dtype.hasobject or dtype.names or dtype.subdtype)
     is_number = dtype.kind in "biufc" and dtype.itemsize <= (16 if dtype.kind == "c" else 8)
-    return is_plain and (dtype.kind == "U" or is_number or dtype == DATES)
+    return is_basic and (dtype.kind == "U" or is_number or dtype == DATES)
 
 
 def encode_attrs(attributes: Mapping[str, Any]) -> dict[str, str | int | float | list[int | float]]:

@@ -31,7 +31,7 @@ Cells = Indices  # numbers of cells of a stage
 
 MAX_CELLS = 10_000_000  # of a sweep, whose keys fit into memory
 HASHED_CELLS = 2**18  # cells that are hashed together
-NOT_CALLED = object()  # placeholder: this plain stage has not been called yet
+NOT_CALLED = object()  # placeholder: this derived stage has not been called yet
 STREAM_WORDS = ("seed", "stage")  # labels in the name of a stream that no setting may have
 
 
@@ -225,7 +225,7 @@ class Plan:
     def _check_zipped(self, bound: BoundStage) -> None:
         """Refuse gathered settings that run together with others."""
         for axis in (self.axes[self.axis_number(key)] for key in bound.gather):
-            if axis.is_swept and axis.is_zipped and not bound.stage.is_plain:
+            if axis.is_swept and axis.is_zipped and not bound.stage.is_derived:
                 raise ConfigurationError(
                     f"{axis.settings[0].key} cannot be zipped with other settings: stage "
                     f"{bound.name} gathers all its values"
@@ -288,11 +288,11 @@ class Plan:
         return self._input_cells[bound]
 
     def computed_inputs(self, bound: BoundStage) -> list[InputCells]:
-        """Return the input cells of every input that is not a plain stage."""
+        """Return the input cells of every input that is not a derived stage."""
         return [
             inputs
             for inputs in self.input_cells(bound).values()
-            if not inputs.source.stage.is_plain
+            if not inputs.source.stage.is_derived
         ]
 
     def _find_input_cells(self, bound: BoundStage, source: BoundStage) -> InputCells:
@@ -356,7 +356,7 @@ class Plan:
         return np.array(positions)[inverse]
 
     def argument_value(self, bound: BoundStage, source: Setting | BoundStage, cell: int) -> Value:
-        """Return the value of an argument that is a setting or a plain stage."""
+        """Return the value of an argument that is a setting or a derived stage."""
         if isinstance(source, Setting):
             gathered = source.key in bound.gather
             value = self.choices[source] if gathered else self.value(bound, source.key, cell)
@@ -370,7 +370,7 @@ class Plan:
         return results[input_cell]
 
     def _call_plain(self, bound: BoundStage, cell: int) -> Value:
-        """Return the result of a plain stage in one of its cells."""
+        """Return the result of a derived stage in one of its cells."""
         arguments = bound.arguments.items()
         values = {name: self.argument_value(bound, source, cell) for name, source in arguments}
         try:
@@ -388,7 +388,7 @@ class Plan:
     ) -> tuple[tuple[Value, ...], Cells]:
         """Return the distinct values of an argument over cells, and each cell's index into them.
 
-        The argument is a setting or a plain stage.
+        The argument is a setting or a derived stage.
         """
         if isinstance(source, Setting) and source.key not in bound.gather:
             values, codes = self._factorise_setting(bound, source, cells)
@@ -472,7 +472,7 @@ class Plan:
         identity = f"{STREAM_VERSION} {self.identity[bound.name]}"
         keys = np.tile(hash_texts([identity]), (len(cells), 1))
         for name, source in bound.arguments.items():
-            if isinstance(source, Setting) or source.stage.is_plain:
+            if isinstance(source, Setting) or source.stage.is_derived:
                 values, codes = self.factorise(bound, source, cells)
                 texts = [f"{name}={value_token(value)}" for value in values]
                 fold(keys, hash_texts(texts)[codes])

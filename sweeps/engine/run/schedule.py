@@ -499,7 +499,7 @@ class Schedule:
         gathered = [len(plan.axes[plan.axis_number(key)].points) for key in bound.gather]
         valid = np.ones((len(firsts), *gathered), dtype=bool)
         for name, source in bound.arguments.items():
-            if isinstance(source, Setting) or source.stage.is_plain:
+            if isinstance(source, Setting) or source.stage.is_derived:
                 arguments[name] = self._bind_value(bound, source, firsts, grid)
             elif not source.stage.is_cached:
                 arguments[name] = self._bind_object(bound, source, firsts)
@@ -521,7 +521,7 @@ class Schedule:
     def _bind_value(
         self, bound: BoundStage, source: Setting | BoundStage, firsts: Cells, grid: Cells
     ) -> ValueArgument:
-        """Return an argument that is a setting or the result of a plain stage."""
+        """Return an argument that is a setting or the result of a derived stage."""
         if isinstance(source, Setting) and source.key in bound.along:
             rows = np.moveaxis(grid, bound.along.index(source.key), 0)
             cells = firsts[0] + rows.reshape(len(rows), -1)[:, 0]
