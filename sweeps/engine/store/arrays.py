@@ -10,10 +10,10 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
+from numcodecs.zstd import Zstd
 from numpy.typing import NDArray
 
 from sweeps.engine.declare.storable import DATES, NAT, encode_attrs, is_storable
@@ -38,6 +38,9 @@ DATE_ATTRIBUTES = {
     "calendar": "proleptic_gregorian",
     "_FillValue": NAT,
 }
+
+# Its import cannot wait: numcodecs' modules import each other, and a thread may be importing zarr.
+CODEC = Zstd(level=ZSTD_LEVEL, checksum=True)
 
 
 # arrays -------------------------------------------------------------------------------------------
@@ -280,14 +283,6 @@ def _encode_fill(value: Any) -> Any:
     return words.get(str(float(value)), float(value))
 
 
-@cache
-def _codec() -> Any:
-    """Return the compressor of chunks."""
-    from numcodecs.zstd import Zstd
-
-    return Zstd(level=ZSTD_LEVEL, checksum=True)
-
-
 def encode(array: Array, region: Region) -> bytes | None:
     """Return the bytes of the chunk that covers a region; None if it holds only the fill value."""
     values = np.asarray(array.read(region))
@@ -295,7 +290,7 @@ def encode(array: Array, region: Region) -> bytes | None:
     empty = chunk.tobytes()
     chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
-    return None if content == empty else bytes(_codec().encode(content))
+    return None if content == empty else bytes(CODEC.encode(content))
 
 
 def _is_same(first: Any, second: Any) -> bool:
