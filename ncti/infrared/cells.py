@@ -47,6 +47,42 @@ def count_points(
 
 
 @compiled
+def places_of_bits(
+    bits: NDArray[np.uint8],
+    columns: int,
+    pixel: float,
+    corner: tuple[float, float],
+    turn: tuple[float, float],
+) -> tuple[Floats, Floats]:
+    """Return the positions (point,) across and up [m] of an image's set bits, row by row.
+
+    `bits` (byte,) are pixels in the order of rows, the first in the highest bit; `pixel` [m] and
+    `corner` are pixel and origin of `ncti.render.RangeImage`, `turn` cosine and sine of its
+    roll.
+    """
+    # Count the set bits, to allocate the result.
+    count = 0
+    for byte in bits:
+        while byte:
+            byte &= byte - 1
+            count += 1
+    horizontal, vertical = np.empty(count), np.empty(count)
+    cos, sin = turn
+    # Place of each set bit: row and column, then the lattice's roll.
+    number, row, ended = 0, 0, columns
+    for place in range(8 * bits.size):
+        if bits[place >> 3] & (128 >> (place & 7)):
+            while place >= ended:
+                row, ended = row + 1, ended + columns
+            along = corner[0] + pixel * (place - ended + columns)
+            up = corner[1] + pixel * row
+            horizontal[number] = along * cos - up * sin
+            vertical[number] = along * sin + up * cos
+            number += 1
+    return horizontal, vertical
+
+
+@compiled
 def bounding_box(target: NDArray[np.bool_]) -> Box:
     """Return the rows and columns that contain all true pixels; (0, 0, 0, 0) if there are none."""
     rows, columns = target.shape

@@ -87,10 +87,10 @@ class Hits:
             flat = np.concatenate([span, np.zeros_like(span)], axis=1), np.zeros_like(line)
             lines = LineImage(line, *flat, np.zeros((1, 3)), pixel, bottom, 0.0, 0.0, roll)
             return Patches(*lines.bounds, pixel**2, lines)
-        row, column = np.divmod(np.flatnonzero(np.unpackbits(self.bits)), self.columns)
-        along, up = left + pixel * column, bottom + pixel * row
-        cos, sin = cos_sin(roll)
-        horizontal, vertical = along * cos - up * sin, along * sin + up * cos
+        from ncti.infrared.cells import places_of_bits
+
+        lattice = pixel, (left, bottom), cos_sin(roll)
+        horizontal, vertical = places_of_bits(self.bits, self.columns, *lattice)
         return Patches(-horizontal if mirrored else horizontal, vertical, pixel**2)
 
 

@@ -118,7 +118,7 @@ class Classifier(Settings, key="classifier"):
     alternative = set_of(
         ships(
             None,
-            label="unknown ships with templates in the likelihood: the answer to reject",
+            label="unknown ships with templates in the likelihood: one class, none of the others",
         )
     )
     generated = count(

@@ -119,9 +119,8 @@ def _lock_file(folder: Path, name: str) -> Lock:
             if os.fstat(file.fileno()).st_nlink:  # else its owner has just deleted it
                 break
         with file:
-            if (
-                time.monotonic() > deadline
-            ):  # not at once: `seconds_since_renewal` may hold it for a moment
+            # Not at once: `seconds_since_renewal` may hold it for a moment.
+            if time.monotonic() > deadline:
                 raise _LockHeldError(file.read())
         time.sleep(LOCK_SECONDS / 10)
     file.truncate(0)  # of a killed owner
