@@ -91,7 +91,7 @@ def test_every_rule_is_of_a_room():
 
 # Layers of the engine, the lowest first; a package imports from lower layers and from itself.
 FLOORS = (
-    *(("declare",), ("resolve",), ("cache",), ("run",), ("store",), ("sweeping",)),
+    *(("declare",), ("objects", "resolve"), ("cache",), ("run",), ("store",), ("sweeping",)),
     ("command", "function"),
 )
 FRONT = {"sweeps.engine", "sweeps.engine.settings", "sweeps.engine.stage"}  # names for users

@@ -19,10 +19,10 @@ from documentation import DOCS, PAGES, ROOT, blocks, commands, fences, prose_of,
 from once import sharing_ships
 
 import ncti.ships
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.settings import Run
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.overrides import read_jobs
 from sweeps.engine.store.provenance import check_extends, provenance
 from sweeps.experiment import EXPERIMENT

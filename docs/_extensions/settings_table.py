@@ -33,7 +33,7 @@ def table() -> str:
         allowed = entry.kind.allowed
         for words, less in SHORTER:
             allowed = re.sub(words, less, allowed)
-        axis = f"no; {entry.fixed}" if entry.fixed else "yes"
+        axis = f"no; {entry.not_swept}" if entry.not_swept else "yes"
         meaning = "; ".join(filter(None, (entry.label, entry.help)))
         write((entry.key, format_value(entry.default_input), allowed, axis, meaning))
     return text.getvalue()

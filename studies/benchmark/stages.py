@@ -83,7 +83,7 @@ class Benchmark(Settings, key="benchmark"):
     """The benchmark of classifiers."""
 
     split = word(
-        list(SPLITS), tuple(SPLITS), label="split into training and tests", single="dimension"
+        list(SPLITS), tuple(SPLITS), label="split into training and tests", role="dimension"
     )
     classifier = set_of(
         word(
@@ -91,7 +91,7 @@ class Benchmark(Settings, key="benchmark"):
             ENTRIES,
             label="classifiers of the benchmark",
             help="cnn needs the extra torch",
-            fixed="they are a set",
+            not_swept="they are a set",
         )
     )
     training_rows = count(
@@ -99,14 +99,14 @@ class Benchmark(Settings, key="benchmark"):
         low=8,
         high=10**6,
         label=f"training rows of a seed, {PER_VIEW[TRAIN]} of a view",
-        fixed=SHAPES,
+        not_swept=SHAPES,
     )
     test_rows = count(
         TEST_ROWS,
         low=2,
         high=10**6,
         label=f"test rows of a seed, {PER_VIEW[TEST]} of a view",
-        fixed=SHAPES,
+        not_swept=SHAPES,
     )
 
 

@@ -47,12 +47,12 @@ class Operate(Settings, key="operate"):
         1000,
         label="ships told apart, the first of grid.ship",
         help="nominal ships come first, then variants by number",
-        single="dimension",
+        role="dimension",
     )
     tests = count(
-        192, 4, 10**5, label="views identified of any number of ships", fixed=views.SHAPES
+        192, 4, 10**5, label="views identified of any number of ships", not_swept=views.SHAPES
     )
-    resamples = count(100, 2, 1000, label="resamples of these views", fixed=views.SHAPES)
+    resamples = count(100, 2, 1000, label="resamples of these views", not_swept=views.SHAPES)
 
 
 USED = (Operate, Grid, Ladar, Likelihood, Infrared)

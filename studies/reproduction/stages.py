@@ -42,10 +42,10 @@ class Reproduce(Settings, key="reproduce"):
         2000,
         10**6,
         label="setting of what the article leaves open, by number",
-        single="dimension",
+        role="dimension",
     )
     draws = count(
-        3, 2, 1000, label="draws of the noise in a setting", fixed="tables are means over them"
+        3, 2, 1000, label="draws of the noise in a setting", not_swept="tables are means over them"
     )
 
 

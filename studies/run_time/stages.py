@@ -57,11 +57,11 @@ class RunTime(Settings, key="run_time"):
     """Run time against error."""
 
     bin_width = views.quantity(
-        1, 0.05, 50, "m", "range bin of the extents that are timed", single="dimension"
+        1, 0.05, 50, "m", "range bin of the extents that are timed", role="dimension"
     )
     repeats = count(3, 1, 1000, label="timings of a view, of which the median is taken")
     draws = count(
-        16, 1, 1000, label="noisy profiles of a view that are classified", fixed=views.SHAPES
+        16, 1, 1000, label="noisy profiles of a view that are classified", not_swept=views.SHAPES
     )
 
 

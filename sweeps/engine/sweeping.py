@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import PRIVATE_MODE, Objects, ensure_folder
 from sweeps.engine.cache.packs import declared_signatures, iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.stage import BoundStage
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
+from sweeps.engine.objects import PRIVATE_MODE, Objects, ensure_folder
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.keys import unique_keys
 from sweeps.engine.resolve.modules import is_within

@@ -12,10 +12,10 @@ import xarray as xr
 import zarr
 
 from ncti.text import printable
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url, resolve_path
 from sweeps.engine.declare.storable import decode_attrs
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.tables import restore_scalars

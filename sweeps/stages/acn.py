@@ -30,12 +30,12 @@ from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
 NAME = "acn"
 
 
-class Network(Settings, key="classifier", single="coordinate"):
+class Network(Settings, key="classifier", role="coordinate"):
     """The Adaptive Clustering Network."""
 
     learning_rate = number(0.1, 1e-6, 1, label="learning rate in training")
     max_passes = count(
-        MAX_PASSES, 1, 10**6, label="largest number of presentations of the training set", single=""
+        MAX_PASSES, 1, 10**6, label="largest number of presentations of the training set", role=""
     )
     learn_in_test = switch(
         False,

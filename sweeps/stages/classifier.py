@@ -73,7 +73,7 @@ class RandomAspects(Settings, key="grid"):
         high=10_000,
         label="random test aspects in every 30 degrees, absent from training",
         help="added to grid.aspect, between its ends, by the seed",
-        fixed="all of them are tested together",
+        not_swept="all of them are tested together",
     )
 
 
@@ -113,7 +113,7 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
 class Classifier(Settings, key="classifier"):
     """The classifier and its training set."""
 
-    name = word("acn", (), label="classifier", dimension="classifier", single="dimension")
+    name = word("acn", (), label="classifier", dimension="classifier", role="dimension")
     unknown = set_of(ships(None, label="unknown ships: tested but absent from training"))
     alternative = set_of(
         ships(
@@ -127,7 +127,7 @@ class Classifier(Settings, key="classifier"):
         high=1000,
         label="ships generated of each one learned, which are unknown and in the alternative",
         help="variants at four times the uncertainty, of 0.7 to 1.1 times the size",
-        fixed="all of them are one alternative",
+        not_swept="all of them are one alternative",
     )
     training_aspect = set_of(
         number(
@@ -158,7 +158,7 @@ class Classifier(Settings, key="classifier"):
         False,
         label="leaving the true aspect out of training",
         help="used by correlation and likelihood",
-        single="coordinate",
+        role="coordinate",
     )
 
 

@@ -20,7 +20,7 @@ ANSWERS = classifier.of_profiles(NAME, "training", "left_out")
 EXPECTED, NOISY = "expected", "noisy"
 
 
-class Correlation(Settings, key="classifier", single="coordinate"):
+class Correlation(Settings, key="classifier", role="coordinate"):
     """Nearest neighbour by correlation."""
 
     training = word(

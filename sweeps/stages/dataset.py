@@ -52,12 +52,10 @@ class Rows(Settings, key="dataset"):
     """Rows of a data set and the ranges of their parameters."""
 
     sensor = word(
-        "range", tuple(SENSOR_SETS), label="sensors of the data set", fixed="it shapes arrays"
+        "range", tuple(SENSOR_SETS), label="sensors of the data set", not_swept="it shapes arrays"
     )
-    pieces = draws(
-        1, 10**6, label="pieces of rows, by number", dimension="piece", single="dimension"
-    )
-    rows = count(1000, 1, 10**6, label="rows of a piece", fixed=views.SHAPES)
+    pieces = draws(1, 10**6, label="pieces of rows, by number", dimension="piece", role="dimension")
+    rows = count(1000, 1, 10**6, label="rows of a piece", not_swept=views.SHAPES)
     rows_per_view = count(25, 1, 10**6, label="rows of a view")
     aspect = vector([0, 360], 2, -360, 360, label="ends of the aspects drawn", unit="degree")
     cnr = set_of(
@@ -85,7 +83,7 @@ class Rows(Settings, key="dataset"):
         SUPER_RESOLUTIONS,
         label="super-resolution method of silhouettes",
         dimension="super_resolution",
-        fixed="a data set has one",
+        not_swept="a data set has one",
     )
 
 

@@ -85,7 +85,7 @@ MAX_COVERAGE = 0.95
 
 def _help_on_default(grid: Setting) -> dict[str, Any]:
     """Return the help of an axis whose values default to the grid's."""
-    return {"help": f"null: that of {grid.key}", "single": "dimension"}
+    return {"help": f"null: that of {grid.key}", "role": "dimension"}
 
 
 class Infrared(Settings, key="infrared"):
@@ -115,10 +115,10 @@ class Infrared(Settings, key="infrared"):
         1e-6, 1e-12, 0.5, label="false-alarm probability of one pixel of sea, for the detector"
     )
     window_length = quantity(
-        200, 1, 5000, "m", "length of the longest ship in images", fixed=views.SHAPES
+        200, 1, 5000, "m", "length of the longest ship in images", not_swept=views.SHAPES
     )
     window_height = quantity(
-        50, 1, 500, "m", "height of the highest ship in images", fixed=views.SHAPES
+        50, 1, 500, "m", "height of the highest ship in images", not_swept=views.SHAPES
     )
     range = quantity(Grid.range, 1, 1000, "km", "slant range", **_help_on_default(Grid.range))
     frame_count = count(
@@ -135,7 +135,7 @@ class Infrared(Settings, key="infrared"):
         help="perfect: half pixels with the noise of whole ones, the article's assumption; "
         "shifted: recombined from frame_count frames at each of four places of the detector, so "
         "4 x frame_count in all",
-        single="dimension",
+        role="dimension",
     )
     coverage_rule = number(
         Imager.coverage_rule,
@@ -144,7 +144,7 @@ class Infrared(Settings, key="infrared"):
         label="share of a pixel that a ship must fill to show",
         help="at most 0.95, since by counting patches even full pixels come out up to 4 % short "
         "at 25 km",
-        single="coordinate",
+        role="coordinate",
     )
     segmentation = word(
         "matched",
@@ -152,7 +152,7 @@ class Infrared(Settings, key="infrared"):
         label="segmentation method of silhouettes",
         help="matched takes pixels as independent; neighbours in a shifted image share noise; the "
         "others need the extra segmentation",
-        single="coordinate",
+        role="coordinate",
     )
     inner_radius = number(
         INNER_RADIUS,
@@ -160,7 +160,7 @@ class Infrared(Settings, key="infrared"):
         high=2,
         label="inner radius of the log-polar map, in sqrt(area / pi)",
         help="a compromise between scores and categories of the article's Table 5",
-        single="coordinate",
+        role="coordinate",
     )
     interpolation = word(
         INTERPOLATION,
@@ -168,7 +168,7 @@ class Infrared(Settings, key="infrared"):
         label="interpolation of the log-polar map",
         help="nearest: the plain map, as the article's; bilinear is the more invariant one and "
         "forms as many categories at a vigilance of 0.94 as the plain one at 0.87",
-        single="coordinate",
+        role="coordinate",
     )
     training_range = quantity(
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
@@ -181,13 +181,13 @@ class Infrared(Settings, key="infrared"):
         MAX_OFFSETS,
         label="position of the ship on the detector's pixels, by number",
         dimension="phase",
-        single="dimension",
+        role="dimension",
     )
     orders = draws(
         4,
         label="order of presentation; 0 is the order of the grid",
         dimension="order",
-        single="dimension",
+        role="dimension",
     )
 
 

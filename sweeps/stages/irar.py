@@ -111,17 +111,17 @@ class Errors(Kind):
 # Settings of one value are scalar coordinates of results that depend on them.
 # Not in SI, since their values name the noise, too.
 _axis = partial(quantity, si=False)
-_word = partial(word, single="coordinate")
+_word = partial(word, role="coordinate")
 
 
-class Course(Settings, key="irar", single="coordinate"):
+class Course(Settings, key="irar", role="coordinate"):
     """Course and radar of a flight, which determine the pass and the truth.
 
     The article gives the ranges, the mirror, the detectors and the 1 m of a range; speeds, rates,
     gate, samples and carrier-to-noise ratio are assumptions that lead to its 8 to 12 lines a pixel.
     """
 
-    range = quantity(3.9, 0.1, 1000, "km", "slant range", single="dimension", si=False)
+    range = quantity(3.9, 0.1, 1000, "km", "slant range", role="dimension", si=False)
     depression = _axis(6.7, 0.1, 60, "degree", "depression of the line of sight")
     aircraft_speed = _axis(90, 1, 1000, "m s-1", "speed of the aircraft")
     ship_speed = _axis(
@@ -169,7 +169,7 @@ class Course(Settings, key="irar", single="coordinate"):
     )
 
 
-class Receivers(Settings, key="irar", single="coordinate"):
+class Receivers(Settings, key="irar", role="coordinate"):
     """The receivers of a flight, which its raw images depend on as well."""
 
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
@@ -178,7 +178,7 @@ class Receivers(Settings, key="irar", single="coordinate"):
     nedt = _axis(0.4, 0, 1000, "K", "noise-equivalent temperature difference of one sample")
 
 
-class Passive(Settings, key="irar", single="coordinate"):
+class Passive(Settings, key="irar", role="coordinate"):
     """The passive image of a flight; its settings do not key the noise."""
 
     band_start = _axis(8, 0.1, 1000, "um", "shortest wavelength of the passive detectors")
@@ -211,13 +211,13 @@ class Irar(Course, Receivers, Passive, key="irar"):
         label="error of a recorded flight parameter, by number; 0 is none",
         help="one at a time; each a value, a list, or start, stop and step",
         dimension="error",
-        single="coordinate",
+        role="coordinate",
     )
     autofocus = switch(
         False,
         label="estimation of the closing speed from the image",
         help="of the exact chain",
-        single="coordinate",
+        role="coordinate",
     )
     chain = _word(
         EXACT,
@@ -254,7 +254,7 @@ class Irar(Course, Receivers, Passive, key="irar"):
     pictures = switch(
         False,
         label="pictures of every stage of the corrections, written beside the tables",
-        fixed=AFFECTS_NO_RESULT,
+        not_swept=AFFECTS_NO_RESULT,
     )
 
 

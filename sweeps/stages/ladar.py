@@ -62,8 +62,10 @@ class Ladar(Settings, key="ladar"):
     """The laser radar: its beam, its receiver, its noise."""
 
     ifov = quantity(150, 1, 100e3, "urad", "instantaneous field of view")
-    bin_width = quantity(1, 0.05, 50, "m", "range bin", fixed=views.SHAPES)
-    window = quantity(250, 20, 5000, "m", "range window centred on the ship", fixed=views.SHAPES)
+    bin_width = quantity(1, 0.05, 50, "m", "range bin", not_swept=views.SHAPES)
+    window = quantity(
+        250, 20, 5000, "m", "range window centred on the ship", not_swept=views.SHAPES
+    )
     spread = quantity(
         0.5,
         0,
@@ -80,13 +82,13 @@ class Ladar(Settings, key="ladar"):
         help="the article's 32 dB at 100 km includes extinction",
     )
     target_free_ifovs = count(
-        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", single="coordinate"
+        4000, 0, 10**7, label="target-free IFOVs accumulated per frame", role="coordinate"
     )
     receiver = word(
         FULL,
         RECEIVERS,
         label="receiver: the part of a returned waveform that it keeps",
-        single="coordinate",
+        role="coordinate",
     )
     false_alarm = number(1e-6, 1e-12, 0.5, label="probability of a false first pulse in one bin")
     place = word(
@@ -95,7 +97,7 @@ class Ladar(Settings, key="ladar"):
         label="place of the ship on the grid of IFOVs in averaged profiles",
         help="random: another one for each view, range and draw of the noise; corner: the origin "
         "on the corner of four IFOVs, as in the article and in expected profiles",
-        single="coordinate",
+        role="coordinate",
     )
 
 

@@ -51,7 +51,7 @@ class Likelihood(Settings, key="classifier"):
         1000,
         label="prior standard deviation of the target's gain",
         help="0: known",
-        single="coordinate",
+        role="coordinate",
     )
     floor_sigma = number(
         1.0,

@@ -39,7 +39,7 @@ LAYERS = {
 }
 
 
-class Mnn(Settings, key="classifier.mnn", single="coordinate"):
+class Mnn(Settings, key="classifier.mnn", role="coordinate"):
     """The multilayered network."""
 
     epochs = count(1000, 1, 10**6, label="largest number of presentations of the training profiles")
@@ -69,7 +69,7 @@ class Mnn(Settings, key="classifier.mnn", single="coordinate"):
     annealing = switch(
         True, label="annealing of the gains", help="from half to whole while the network grows"
     )
-    max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", single="")
+    max_hidden = count(25, 1, 1000, label="largest number of hidden nodes", role="")
 
 
 mnn_settings = derived(reads=settings_by_last_word(Mnn), name="mnn_settings")(keywords)

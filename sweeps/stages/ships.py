@@ -31,15 +31,15 @@ class ShipFile(Settings, key="grid.ship"):
     """A ship with the axes, unit and origin of its file."""
 
     path = Setting(
-        Text(), None, "name of a known ship, or path of a sheet or mesh; required", fixed=_ONE
+        Text(), None, "name of a known ship, or path of a sheet or mesh; required", not_swept=_ONE
     )
-    name = text(None, label="label of the ship; null: its name, or its file's", fixed=_ONE)
-    up = word("z", AXES, label="axis of the file that points up", fixed=_ONE)
+    name = text(None, label="label of the ship; null: its name, or its file's", not_swept=_ONE)
+    up = word("z", AXES, label="axis of the file that points up", not_swept=_ONE)
     forward = Setting(
         Word(AXES, null=True),
         None,
         "axis of the file that points to the bow; null: x; -z where up is x, z where it is -x",
-        fixed=_ONE,
+        not_swept=_ONE,
     )
     scale = number(
         1.0,
@@ -47,7 +47,7 @@ class ShipFile(Settings, key="grid.ship"):
         high=MAX_SCALE,
         label="metres in a unit of the file",
         help="0.001 for millimetres",
-        fixed=_ONE,
+        not_swept=_ONE,
     )
     offset = vector(
         [0.0, 0.0, 0.0],
@@ -62,7 +62,7 @@ class ShipFile(Settings, key="grid.ship"):
         False,
         label="close openings of the mesh",
         help="those of at most 5 % of its surface together, and any below the waterline",
-        fixed=_ONE,
+        not_swept=_ONE,
     )
 
 

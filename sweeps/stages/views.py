@@ -69,7 +69,7 @@ class Sweep(Settings):
     """The sweep."""
 
     sensor = set_of(  # which other modules declare, as `SENSOR`
-        word(RANGE, (), label="sensors", fixed="it is a set"),
+        word(RANGE, (), label="sensors", not_swept="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )
 
@@ -82,7 +82,7 @@ class Grid(Settings, key="grid"):
         label="ship",
         help="a known name, a path, or a mapping of the keys below",
         entries=ShipFile.declared,
-        single="dimension",
+        role="dimension",
     )
     aspect = number(
         {"start": 0, "stop": 90, "step": 3},
@@ -90,22 +90,20 @@ class Grid(Settings, key="grid"):
         below=360,
         unit="degree",
         label="aspect, 0 bow-on, 90 port beam",
-        single="dimension",
+        role="dimension",
     )
-    pulse_width = quantity(
-        30, 1, 1000, "ns", "pulse width, full width at 1/e^2", single="dimension"
-    )
+    pulse_width = quantity(30, 1, 1000, "ns", "pulse width, full width at 1/e^2", role="dimension")
     frame_count = count(
         [4, 8, 16, 32],
         1,
         MAX_FRAMES,
         label="frames averaged",
         help="averages share their first frames",
-        single="dimension",
+        role="dimension",
     )
-    range = quantity(100, 1, 1000, "km", "slant range", single="dimension")
-    vigilance = number(0.95, 0, 1, label="vigilance in training", single="dimension")
-    replicate = draws(1, label="draw of the noise, by number", single="coordinate")
+    range = quantity(100, 1, 1000, "km", "slant range", role="dimension")
+    vigilance = number(0.95, 0, 1, label="vigilance in training", role="dimension")
+    replicate = draws(1, label="draw of the noise, by number", role="coordinate")
 
 
 class Scene(Settings, key="scene"):

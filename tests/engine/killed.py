@@ -45,7 +45,7 @@ def main():
     import xarray  # noqa: F401  tables need it
     from toys import go
 
-    from sweeps.engine.cache.objects import Objects
+    from sweeps.engine.objects import Objects
 
     for line in sys.stdin:
         moment, folder, store, cache, values = json.loads(line)

@@ -4,9 +4,9 @@ import hashlib
 
 import numpy as np
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Locations, Pack, PackWriter, open_packs, read_cells
 from sweeps.engine.declare.stage import Output
+from sweeps.engine.objects import Objects
 
 SMALL = [Output(f"output {number}", ("row",), "f8") for number in range(2)]
 """The outputs that `small` returns."""

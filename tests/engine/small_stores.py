@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import xarray as xr
 
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import Array, ArrayGroup
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import zarr_store

@@ -9,9 +9,9 @@ from running import python
 from small_stores import below, contents, files, opened
 from toys import CALLS, SPRINGS, Recorder, go
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.manifest import verify
 from sweeps.engine.store.writing import read_attributes

@@ -13,10 +13,10 @@ from forked import statuses
 from small_stores import files
 from toys import CALLS, SPRINGS, go
 
-from sweeps.engine.cache.objects import UNREACHABLE, Objects
 from sweeps.engine.command import line
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.kinds import format_value
+from sweeps.engine.objects import UNREACHABLE, Objects
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from small_stores import contents, files
 from threadpoolctl import threadpool_limits
 from toys import go
 
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.objects import Objects
 from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor

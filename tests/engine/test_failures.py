@@ -9,10 +9,10 @@ from packed import pack_files
 from small_stores import contents, files, opened
 from toys import CALLS, Few, Recorder, go, of, run
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import PackWriter
 from sweeps.engine.declare.settings import read_choices
 from sweeps.engine.declare.stage import Group, Output, Status, in_memory, stage
+from sweeps.engine.objects import Objects
 from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.store.writing import read_attributes
 

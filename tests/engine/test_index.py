@@ -19,9 +19,9 @@ from packed import SMALL, keys, small, whole, write_pack, written
 from running import ROOT
 
 from sweeps.engine.cache import packs
-from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import MARKER, Objects
+from sweeps.engine.cache.index import MARKER, CellIndex
 from sweeps.engine.cache.packs import Pack, PackWriter, declared_signatures, open_packs
+from sweeps.engine.objects import Objects
 
 
 @pytest.fixture

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from small_stores import below
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.objects import Objects
 from sweeps.engine.store import locks
 from sweeps.engine.store.locks import seconds_since_renewal, store_lock
 

@@ -32,7 +32,7 @@ class Slashed(Settings, key="slashed"):
     size = number(1.0, label="size", dimension="a/b")
 
 
-class Scalar(Settings, key="few", single="scalar"):
+class Scalar(Settings, key="few", role="scalar"):
     """A setting whose `single` is not a valid kind of coordinate."""
 
     size = number(1.0, label="size")
@@ -113,7 +113,7 @@ MISTAKES = [
     ("stage one has the name 'a/b'", FEW, [few_stage(Output("a/b"))]),
     ("stage one has the name 'a/b'", FEW, [few_stage(Output("x", ("a/b",)))]),
     ("setting slashed.size has the name 'a/b'", (Slashed,), []),
-    ("setting few.size has single='scalar', but must have one of 'dimension'", (Scalar,), []),
+    ("setting few.size has role='scalar', but must have one of 'dimension'", (Scalar,), []),
     ("stage one in group '../few' has the name '..'", FEW, [few_stage(group="../few")]),
     (
         "stage one has a stream, but its function does not",

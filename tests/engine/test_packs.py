@@ -16,12 +16,12 @@ from packed import SMALL, keys, locations, pack_files, same, small, write_pack, 
 from small_stores import files
 from toys import Recorder, go
 
-from sweeps.engine.cache import objects as places
+from sweeps.engine import objects as places
 from sweeps.engine.cache import packs
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Pack, open_packs, read_cells, read_pack
 from sweeps.engine.declare.stage import Output
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.keys import digest, hash_bytes
 
 HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")

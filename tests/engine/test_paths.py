@@ -9,10 +9,10 @@ import pytest
 from buckets import SECRET
 from small_stores import below
 
-from sweeps.engine.cache import objects as places
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine import objects as places
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import path_or_url
+from sweeps.engine.objects import Objects
 
 
 def test_objects_of_either_kind_behave_alike(place):

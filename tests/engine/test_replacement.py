@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 from small_stores import COUNTS, array, below, contents, files, opened, small
 
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import Array, ArrayGroup
 from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.manifest import verify

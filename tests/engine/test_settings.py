@@ -138,7 +138,7 @@ class Apart(Settings, key="apart"):
 
     far = number([1.0, 2.0], label="far")
     near = number(far, label="near")
-    only = count(1, label="only", fixed="it shapes arrays")
+    only = count(1, label="only", not_swept="it shapes arrays")
     many = set_of(word(["x"], ("x", "y"), label="many"))
     name = text(None, label="name", dimension="called")
 

@@ -13,10 +13,10 @@ from executors import eventually, meanwhile
 from small_stores import below, contents, opened
 from toys import SPRINGS, go
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.command import line, status
 from sweeps.engine.command.line import Command
 from sweeps.engine.command.status import format_status
+from sweeps.engine.objects import Objects
 from sweeps.engine.run import progress
 from sweeps.engine.store.locks import cache_lock
 from sweeps.engine.store.writing import read_attributes

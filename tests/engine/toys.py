@@ -58,8 +58,8 @@ CALLS = Calls()
 class Spring(Settings, key="spring"):
     """A mass on a spring."""
 
-    stiffness = number([1.0, 2.0, 4.0], 0, unit="N m-1", label="stiffness", single=DIMENSION)
-    mass = number([1.0, 2.0], 0.1, unit="kg", label="mass", single=DIMENSION)
+    stiffness = number([1.0, 2.0, 4.0], 0, unit="N m-1", label="stiffness", role=DIMENSION)
+    mass = number([1.0, 2.0], 0.1, unit="kg", label="mass", role=DIMENSION)
     limit = number(100.0, unit="s-1", label="largest angular frequency")
     reference = number(None, 0, unit="N m-1", label="stiffness compared with")
 
@@ -67,9 +67,9 @@ class Spring(Settings, key="spring"):
 class Measured(Settings, key="measured"):
     """Settings of the measurements of a spring."""
 
-    length = count([2, 4], 1, 50, label="samples", single=DIMENSION)
+    length = count([2, 4], 1, 50, label="samples", role=DIMENSION)
     draw = draws(2, label="draw")
-    rule = word(["max", "mean"], ("max", "mean", "min"), label="rule", single=COORDINATE)
+    rule = word(["max", "mean"], ("max", "mean", "min"), label="rule", role=COORDINATE)
     doubled = switch(False, label="whether the answer is doubled")
     pause = number(0.0, 0, 10, unit="s", label="time that a period takes")
 

@@ -14,7 +14,7 @@ from pages import page_of, parsed, stored
 from PIL import Image
 from stores import reported
 
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.objects import Objects
 from sweeps.engine.run.schedule import Progress
 from sweeps.report.outputs import page_file
 from sweeps.report.page import write

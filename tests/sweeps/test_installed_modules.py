@@ -27,7 +27,7 @@ CONF = Path(__file__).with_name("sounder_conf")
 class Sounder(Settings, key="sounder"):
     """The sounder."""
 
-    offset = number(1.0, 0, 10, unit="m", label="depth of the sounder", single="dimension")
+    offset = number(1.0, 0, 10, unit="m", label="depth of the sounder", role="dimension")
 
 
 DEPTHS = Group("depths", uses_sensor(SENSOR), uses=(Grid, Sounder))

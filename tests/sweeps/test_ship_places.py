@@ -11,7 +11,7 @@ from trimesh.creation import box
 from ncti.ladar import spread_place
 from ncti.render import line_image
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import Objects
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.experiment import EXPERIMENT

@@ -29,8 +29,8 @@ DRAUGHT = {"duncan": 4.5, "spruance": 6.3, "texas": 8.0}
 class Toy(Settings, key="toy"):
     """The depth sounder."""
 
-    echoes = count(4, 1, 100, label="echoes averaged", single=DIMENSION)
-    scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", single=COORDINATE)
+    echoes = count(4, 1, 100, label="echoes averaged", role=DIMENSION)
+    scatter = number(0.5, 0, 10, unit="m", label="scatter of one echo", role=COORDINATE)
 
 
 KEELS = Group("toy", uses_sensor(SENSOR), (Grid, Toy), status=STATUS)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.engine.cache.objects import MARKER, Objects
 from sweeps.engine.cache.packs import (
     NO_LOCATIONS,
     NO_PACK,
@@ -21,6 +20,7 @@ from sweeps.engine.cache.packs import (
     read_pack,
 )
 from sweeps.engine.declare.stage import Output
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.keys import Keys
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 READERS = 16  # packs whose heads are read at once
 RECENT_PACKS = 10  # packs of a stage, whose costs count
 LOOKUP_KEYS = 2**20  # keys that are looked up together
+MARKER = ".mark"  # suffix of the object that workers look for in a shared cache
 
 
 class CellIndex:

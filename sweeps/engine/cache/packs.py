@@ -26,10 +26,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cache.objects import PRIVATE_MODE, UNREACHABLE, Objects
 from sweeps.engine.declare.paths import PathOrUrl, join
 from sweeps.engine.declare.stage import Output
 from sweeps.engine.declare.undeclared import Layout, UndeclaredOutput
+from sweeps.engine.objects import PRIVATE_MODE, UNREACHABLE, Objects
 from sweeps.engine.resolve.keys import Keys, digest, hash_bytes
 
 CELLS_FOLDER = "cells"

@@ -22,7 +22,6 @@ from omegaconf.errors import OmegaConfBaseException
 from platformdirs import user_cache_path
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.objects import UNREACHABLE
 from sweeps.engine.cache.packs import RESOURCE_ERRORS, open_packs
 from sweeps.engine.command.status import format_status
 from sweeps.engine.command.usage import list_settings, usage
@@ -32,6 +31,7 @@ from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.paths import PathOrUrl, path_beside, path_or_url
 from sweeps.engine.declare.settings import Choices, Cluster, Run, nested
 from sweeps.engine.declare.stage import BoundStage, Experiment, bind
+from sweeps.engine.objects import UNREACHABLE
 from sweeps.engine.resolve.overrides import (
     DEFAULT_STORE,
     Job,

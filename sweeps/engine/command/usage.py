@@ -72,7 +72,7 @@ def usage(experiment: Experiment) -> str:
 
 def main_settings(experiment: Experiment) -> list[Setting]:
     """Return the settings that `--help` lists: dimensions of stores, and settings of the run."""
-    listed = [setting for setting in experiment.experiment_settings if setting.single == DIMENSION]
+    listed = [setting for setting in experiment.experiment_settings if setting.role == DIMENSION]
     dims = [setting for setting in listed if setting.fallback is None]
     top_level = [setting for setting in experiment.experiment_settings if "." not in setting.key]
     return [*top_level, *dims, *Zip.declared, *Run.declared, Cluster.kind, Cluster.workers]
@@ -137,7 +137,7 @@ def list_settings(experiment: Experiment, words: Sequence[str] = ()) -> str:
         if all(word.lower() in text for word in words):
             unit = f" [{setting.unit}]" if setting.unit != "1" else ""
             null = "null or " if setting.fallback is not None else ""
-            axis = f"one value: {setting.fixed}" if setting.fixed else "a list is an axis"
+            axis = f"one value: {setting.not_swept}" if setting.not_swept else "a list is an axis"
             lines += _wrap_text(f"{setting.key}={format_value(setting.default_input)}{unit}", "")
             for paragraph in (setting.label, setting.help, f"{null}{setting.kind.allowed}; {axis}"):
                 lines += _wrap_text(paragraph, 2 * INDENT)

@@ -67,10 +67,10 @@ class Setting:
     unit: str = "1"
     help: str = ""  # more in `--settings` than the label
     dimension: str = ""  # its name in stores; by default the last word of its key
-    # Why it takes one value only; empty if several make it an axis. None: as its class, or empty.
-    fixed: str | None = None
+    # Why several values do not make it an axis; empty if they do. None: as its class, or empty.
+    not_swept: str | None = None
     # In stores, with one value: a DIMENSION, an attribute (COORDINATE), or nothing; None: as class.
-    single: str | None = None
+    role: str | None = None
     key: str = ""  # in the configuration, given by `Settings`
 
     @property
@@ -97,7 +97,7 @@ class Setting:
     @property
     def affects_results(self) -> bool:
         """Whether results depend on it."""
-        return self.fixed != AFFECTS_NO_RESULT
+        return self.not_swept != AFFECTS_NO_RESULT
 
     def in_si(self, value: Value) -> Value:
         """Return a value, or a tuple of values, as stages get it: in SI of a `Unit`."""
@@ -122,9 +122,9 @@ class Setting:
             values = self.kind.values(self.key, given)
         except ValueError as error:
             raise ConfigurationError(str(error)) from None
-        if self.fixed and len(values) > 1 and not isinstance(self.kind, Draws):
+        if self.not_swept and len(values) > 1 and not isinstance(self.kind, Draws):
             count = f"{self.key} has {len(values)} values"
-            raise ConfigurationError(f"{count}, but must have one: {self.fixed}")
+            raise ConfigurationError(f"{count}, but must have one: {self.not_swept}")
         return values
 
 
@@ -134,7 +134,7 @@ class Settings:
     key: ClassVar[str] = ""
     declared: ClassVar[tuple[Setting, ...]] = ()
 
-    def __init_subclass__(cls, *, key: str = "", single: str = "", fixed: str = "") -> None:
+    def __init_subclass__(cls, *, key: str = "", role: str = "", not_swept: str = "") -> None:
         settings: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
@@ -146,7 +146,7 @@ class Settings:
                 if not isinstance(value.unit, str):
                     problem = f"setting {name} has unit={value.unit!r}, but must have a text"
                     raise DeclarationError(locate(cls, f"{problem}, or Unit(SYMBOL, FACTOR)"))
-                class_options = {"single": single, "fixed": fixed}.items()
+                class_options = {"role": role, "not_swept": not_swept}.items()
                 inherited: Any = {
                     option: default
                     for option, default in class_options
@@ -204,7 +204,7 @@ def text(default: str | None, **options: Any) -> Setting:
 
 def vector(default: Any, size: int, low: float, high: float, **options: Any) -> Setting:
     """Return a setting whose value is a list of `size` finite numbers; the rest as of `Setting`."""
-    options.setdefault("fixed", "its numbers belong together")
+    options.setdefault("not_swept", "its numbers belong together")
     element = Number(low, high, unit=options.get("unit", "1"))
     return Setting(Vector(size, element), default, **options)
 
@@ -212,7 +212,7 @@ def vector(default: Any, size: int, low: float, high: float, **options: Any) -> 
 def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...] = ()) -> Setting:
     """Return a setting whose value is a set of another's values; a default of None allows null."""
     kind = SetOf(replace(member.kind, null=False), spellings, null=member.default is None)
-    return replace(member, kind=kind, fixed=member.fixed or "its values belong together")
+    return replace(member, kind=kind, not_swept=member.not_swept or "its values belong together")
 
 
 # settings of the engine: the seed, and where and how a sweep runs
@@ -220,10 +220,10 @@ def set_of(member: Setting, *, spellings: tuple[tuple[str, tuple[str, ...]], ...
 CLUSTERS = ("inline", "local", "address", "slurm")
 
 
-class Run(Settings, fixed=AFFECTS_NO_RESULT):
+class Run(Settings, not_swept=AFFECTS_NO_RESULT):
     """The run."""
 
-    seed = count(0, 0, 2**63, label="seed of all noise", fixed="")
+    seed = count(0, 0, 2**63, label="seed of all noise", not_swept="")
     store = text(None, label="folder of the store; null: sweep.zarr")
     cache = text(None, label="cache of finished results; null: the user's cache folder")
     cache_limit = number(20, 0, 1e6, unit="GB", label="size of the cache above which a sweep warns")
@@ -231,7 +231,7 @@ class Run(Settings, fixed=AFFECTS_NO_RESULT):
     partial = switch(False, label="compute nothing, and store the cells that the cache has")
 
 
-class Zip(Settings, key="grid", fixed=AFFECTS_NO_RESULT):
+class Zip(Settings, key="grid", not_swept=AFFECTS_NO_RESULT):
     """Settings that run together."""
 
     zip = Setting(
@@ -239,7 +239,7 @@ class Zip(Settings, key="grid", fixed=AFFECTS_NO_RESULT):
     )
 
 
-class Cluster(Settings, key="cluster", fixed=AFFECTS_NO_RESULT):
+class Cluster(Settings, key="cluster", not_swept=AFFECTS_NO_RESULT):
     """The cluster; see `sweeps.engine.run.cluster.ClusterChoice`."""
 
     kind = word("local", CLUSTERS, label="where tasks run")

@@ -548,9 +548,9 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
     yield from _find_duplicates(outputs, "outputs of a group of the store")
     for setting in settings:
         yield from _check_name(f"setting {setting.key}", setting.name)
-        if setting.single and setting.single not in (DIMENSION, COORDINATE):
-            single = f"single={setting.single!r}, but must have one of"
-            yield f"setting {setting.key} has {single} {DIMENSION!r}, {COORDINATE!r}"
+        if setting.role and setting.role not in (DIMENSION, COORDINATE):
+            role = f"role={setting.role!r}, but must have one of"
+            yield f"setting {setting.key} has {role} {DIMENSION!r}, {COORDINATE!r}"
     for stage in stages:
         yield from _find_stage_mistakes(stage, keys)
     groups = {name.rpartition("/")[0] for name in outputs}
@@ -570,7 +570,7 @@ def _has_state(stage: Stage) -> bool:
 
 def _find_name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
     """Yield clashes of the names of outputs and dimensions in a group."""
-    in_stores = {s.key: s for s in settings if s.single or not s.fixed}
+    in_stores = {s.key: s for s in settings if s.role or not s.not_swept}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     stored = [
         (bound, output, group)

@@ -92,7 +92,7 @@ def _read_dataset(
             kind = settings[dim][-1].kind
             points[dim].append([kind.values(name, value)[0] for value in listed])
         else:
-            fixed.append(_make_argument(function, name, listed, attributes, single=COORDINATE))
+            fixed.append(_make_argument(function, name, listed, attributes, role=COORDINATE))
     zipped = [
         ZippedAxis(
             dim,
@@ -141,7 +141,7 @@ def _make_argument(
     name: str,
     listed: list[Any],
     attributes: Mapping[str, Any],
-    single: str = DIMENSION,
+    role: str = DIMENSION,
 ) -> Argument:
     """Return the setting of an argument, with its values as default."""
     kind = _kind_of_values(listed)
@@ -157,7 +157,7 @@ def _make_argument(
     attrs = dict(attributes)
     label, unit = str(attrs.pop("long_name", name)), str(attrs.pop("units", "1"))
     key = f"{function}.{name}"
-    return Argument(kind, listed, label, unit, single=single, key=key, extra_attributes=attrs)
+    return Argument(kind, listed, label, unit, role=role, key=key, extra_attributes=attrs)
 
 
 def _kind_of_values(listed: list[Any]) -> Kind:

@@ -296,9 +296,9 @@ def _find_setting(experiment: Experiment, name: str) -> Setting:
         keys = ", ".join(setting.key for setting in matches)
         hint = f"several keys: {keys}" if matches else "not a setting"
         raise ConfigurationError(f"grid.zip has {name!r}, which is {hint}; give a whole key")
-    if matches[0].fixed:
+    if matches[0].not_swept:
         raise ConfigurationError(
-            f"grid.zip has {name!r}, but it takes one value: {matches[0].fixed}"
+            f"grid.zip has {name!r}, but it takes one value: {matches[0].not_swept}"
         )
     return matches[0]
 
@@ -484,7 +484,7 @@ def _expand_jobs(
         If an axis, or the jobs, would be too many.
     """
     lines = [str(override.input_line) for override in overrides]
-    axes = {setting.key for setting in experiment.declared if not setting.fixed}
+    axes = {setting.key for setting in experiment.declared if not setting.not_swept}
     options: dict[str, list[str]] = {}  # the last override of a key counts
     for override, line in zip(overrides, lines, strict=True):
         key, name = override.get_key_element(), override.key_or_group
@@ -550,11 +550,11 @@ def _fuse_group(experiment: Experiment, jobs: Sequence[Job]) -> Choices:
         _check_origins(setting, [value for job in jobs for value in job.choices[setting]])
         if all(job.choices[setting] == first[setting] for job in jobs):
             continue
-        if setting.fixed:
+        if setting.not_swept:
             listed = " and ".join(quote_value(value) for value in sorted(values, key=sort_key))
             raise ConfigurationError(
                 f"{setting.key} is {listed} in jobs of one store, but must be one: "
-                f"{setting.fixed}; {SEPARATE}"
+                f"{setting.not_swept}; {SEPARATE}"
             )
         union[setting] = tuple(sorted(values, key=sort_key))
     values_of = {setting.key: values for setting, values in union.items()}

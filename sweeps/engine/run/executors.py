@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any
 
-from sweeps.engine.cache.objects import MARKER, Objects
+from sweeps.engine.cache.index import MARKER
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.modules import ENGINE
 from sweeps.engine.run.cluster import (
     JOB_QUEUES,

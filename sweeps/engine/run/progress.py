@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from sweeps.engine.cache.objects import PRIVATE_MODE, Objects
 from sweeps.engine.declare.failures import Failure, FailureLog
 from sweeps.engine.declare.paths import PathOrUrl, join, resolve_path
+from sweeps.engine.objects import PRIVATE_MODE, Objects
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.run.process import say
 from sweeps.engine.run.schedule import Callbacks, Progress, Schedule

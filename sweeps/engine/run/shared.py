@@ -8,8 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import is_private
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.keys import digest
 from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Arrays, Locations, Pack, PackWriter, iter_cells
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.failures import (
@@ -34,6 +33,7 @@ from sweeps.engine.declare.failures import (
 )
 from sweeps.engine.declare.stage import FIRST_PREFIX, RNG, VALID, Output, Stage
 from sweeps.engine.declare.undeclared import FLOAT, UndeclaredOutput, split_variables
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.code import MAIN, find_attribute, module_and_name
 from sweeps.engine.resolve.keys import Keys
 from sweeps.engine.resolve.streams import cell_rng

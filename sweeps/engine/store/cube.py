@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import Arrays, Locations, distinct_layouts
 from sweeps.engine.declare.errors import DeclarationError
 from sweeps.engine.declare.kinds import format_value
@@ -30,6 +29,7 @@ from sweeps.engine.declare.stage import (
 )
 from sweeps.engine.declare.storable import DATES
 from sweeps.engine.declare.undeclared import UndeclaredOutput, infer_outputs, longest_arrays
+from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.plan import Axis, Cells, Plan
 from sweeps.engine.run.schedule import Schedule
 from sweeps.engine.run.tasks import iter_results, uneven_error
@@ -143,7 +143,7 @@ def _dimensions(plan: Plan, *bounds: BoundStage) -> list[int]:
     """Return numbers of the axes that become dimensions, even with one value."""
     numbers = {plan.axis_number(key) for bound in bounds for key in bound.needs}
     axes = [(number, plan.axes[number]) for number in sorted(numbers)]
-    fixed = {n for n, axis in axes if any(setting.single == DIMENSION for setting in axis.settings)}
+    fixed = {n for n, axis in axes if any(setting.role == DIMENSION for setting in axis.settings)}
     return [n for n, axis in axes if axis.is_swept or n in fixed]
 
 
@@ -375,7 +375,7 @@ class Cube:
                 coordinates |= axis_coordinates(axis, name)
             elif not axis.is_swept:
                 for setting, value in zip(axis.settings, axis.points[0], strict=True):
-                    if setting.single == COORDINATE:
+                    if setting.role == COORDINATE:
                         label = setting.name if axis.is_zipped else name
                         coordinates |= setting_coordinates(setting, label, [value], scalar=True)
         return coordinates

@@ -22,9 +22,9 @@ from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
 
-from sweeps.engine.cache.objects import PUBLIC_MODE, Objects, ensure_folder
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path, split_parent
+from sweeps.engine.objects import PUBLIC_MODE, Objects, ensure_folder
 from sweeps.engine.run.process import call_every
 
 LEASE = 60.0  # s without renewal, after which the owner of an object is dead

@@ -12,10 +12,10 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import seal, unseal
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import METADATA
 
 MANIFEST = "manifest"

@@ -171,7 +171,10 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
         if not missing:
             continue
         advice = "give another store"
-        if isinstance(setting.kind, Number | Count | Word | Switch | Text) and not setting.fixed:
+        if (
+            isinstance(setting.kind, Number | Count | Word | Switch | Text)
+            and not setting.not_swept
+        ):
             union = sorted({*stored, *requested}, key=lambda value: (value is None, value))
             advice = f"give {setting.override(union)} to have both, or another store"
         raise ConfigurationError(

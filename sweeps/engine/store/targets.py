@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.cache.packs import CELLS_FOLDER
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import (
@@ -20,6 +19,7 @@ from sweeps.engine.declare.paths import (
     path_or_url,
     resolve_path,
 )
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import read_manifest, refuse_foreign
 

@@ -20,10 +20,10 @@ from itertools import accumulate, islice
 from pathlib import Path
 from typing import Any
 
-from sweeps.engine.cache.objects import REQUESTS, Objects, world_readable
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, resolve_path
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
+from sweeps.engine.objects import REQUESTS, Objects, world_readable
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped
 from sweeps.engine.store.arrays import (

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import sweeps.report
 from ncti.text import printable
-from sweeps.engine.cache.objects import Objects
 from sweeps.engine.declare.paths import PathOrUrl
+from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import METADATA
 from sweeps.report import explain
 from sweeps.report.frames import Frame

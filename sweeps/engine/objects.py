@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 PUBLIC_MODE = 0o755  # mode of folders: others may read them
 PRIVATE_MODE = 0o700  # mode of folders that others may not even read
-MARKER = ".mark"  # suffix of the object that workers look for in a shared cache
 UNREACHABLE = errno.ECONNABORTED  # errno of a server that cannot be reached, or fails
 RETRIES = 6  # retries of a request, with exponential backoff over some seconds
 
