@@ -90,9 +90,9 @@ def make_command(*modules: Any) -> Command:
 def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
-    Raises SweepIncomplete if a foreign file is in the place of an output; all others are written.
+    Raises SweepIncompleteError if a foreign file is in the place of an output; all others are written.
     """
-    from sweeps.engine.declare.errors import SweepIncomplete
+    from sweeps.engine.declare.errors import SweepIncompleteError
     from sweeps.report.outputs import blocked_sentence
     from sweeps.report.page.write import is_current
     from sweeps.report.screen import stdout_console
@@ -121,7 +121,7 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
                 store, stdout_console(), ship=lambda label: read_mesh(mesh_source(ships[label]))
             )
     if kept_files:
-        raise SweepIncomplete(blocked_sentence(list(dict.fromkeys(kept_files))))
+        raise SweepIncompleteError(blocked_sentence(list(dict.fromkeys(kept_files))))
 
 
 @contextmanager

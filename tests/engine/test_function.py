@@ -16,7 +16,7 @@ from small_stores import opened
 
 import ncti
 import sweeps
-from sweeps.engine.declare.errors import CallsFailed, ConfigurationError
+from sweeps.engine.declare.errors import CallsFailedWarning, ConfigurationError
 
 CALLS: list[tuple[float, float]] = []
 
@@ -105,7 +105,7 @@ def test_a_function_may_have_the_name_of_the_group_of_states(tmp_path):
 def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
     values = {"base": [-1.0, 2.0]}
     options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "dims": ("power",)}
-    with pytest.warns(CallsFailed) as warned:
+    with pytest.warns(CallsFailedWarning) as warned:
         results = sweeps.sweep(powers, values, **options)
     np.testing.assert_array_equal(results.powers, [[np.nan] * 4, [1, 2, 4, 8]])
     lines = str(warned[0].message).splitlines()
@@ -184,7 +184,7 @@ def moving(a):
 @pytest.mark.parametrize("cluster", ["inline", "local"])
 def test_a_call_that_exits_fails(tmp_path, cluster):
     options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "cluster": cluster}
-    with pytest.warns(CallsFailed, match="leaving a=2: SystemExit: 3"):
+    with pytest.warns(CallsFailedWarning, match="leaving a=2: SystemExit: 3"):
         results = sweeps.sweep(leaving, {"a": [1, 2, 3]}, **options)
     np.testing.assert_array_equal(results.leaving, [1, np.nan, 3])
 
@@ -193,7 +193,9 @@ def test_a_call_that_kills_its_process_kills_no_other(tmp_path):
     """This also holds for a stage that an earlier sweep has shown to be quick."""
     options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
     assert sweeps.sweep(ending, {"a": [1]}, **options).ending.item() == 1
-    with pytest.warns(CallsFailed, match="ending a=2: RuntimeError: the worker process died"):
+    with pytest.warns(
+        CallsFailedWarning, match="ending a=2: RuntimeError: the worker process died"
+    ):
         results = sweeps.sweep(ending, {"a": [1, 2, 3]}, cluster="local", **options)
     np.testing.assert_array_equal(results.ending, [1, np.nan, 3])
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as of_numpy
 
 import sweeps
-from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
+from sweeps.engine.declare.errors import CallsFailedWarning, ConfigurationError, DeclarationError
 
 FREQUENCY = np.array([1.0, 10.0, 100.0])
 CALLS: list[object] = []
@@ -145,7 +145,7 @@ def test_a_tuple_becomes_variables(run):
     ]
     assert results.third.values.tolist() == ["odd", "even"] and results.second.dims == ("a", "k")
     with pytest.warns(
-        CallsFailed, match="elements returned 3 values, but must return first, second"
+        CallsFailedWarning, match="elements returned 3 values, but must return first, second"
     ):
         run(elements, VALUES, outputs=("first", "second"), store="t")
 
@@ -199,7 +199,7 @@ def test_times_of_python(run):
     assert results.t.values.tolist() == np.array(times, "M8[ns]").tolist()
     results = run(python_date, VALUES, store="p").python_date
     assert results.values.tolist() == np.array(["2020-01-01", "2020-01-02"], "M8[ns]").tolist()
-    with pytest.warns(CallsFailed):  # the call that returns the year 1 fails
+    with pytest.warns(CallsFailedWarning):  # the call that returns the year 1 fails
         missing = run(
             lambda a: np.datetime64("0001") if a == 1 else python_date(a), VALUES, store="m"
         )
@@ -216,7 +216,7 @@ def test_labels_that_longer_results_have_more_of(run):
 
 
 def test_all_calls_may_fail(run):
-    with pytest.warns(CallsFailed, match="2 of 2 calls failed"):
+    with pytest.warns(CallsFailedWarning, match="2 of 2 calls failed"):
         results = run(lambda a: 1 / 0, VALUES, outputs=("u", "v"))
     assert np.isnan(results.u).all() and results.v.dims == ("a",)
 
@@ -275,7 +275,7 @@ def test_results_that_do_not_fit_together_are_refused(run, function, sentence):
 
 def test_no_variable_of_a_result_replaces_another(run):
     """A mapping of mappings fails if two inner mappings have the same name."""
-    with pytest.warns(CallsFailed, match="returned the variable 'y' twice; rename one"):
+    with pytest.warns(CallsFailedWarning, match="returned the variable 'y' twice; rename one"):
         run(lambda a: {"x": {"y": a}, "z": {"y": 2 * a}}, VALUES)
 
 
@@ -287,12 +287,12 @@ def test_attributes_of_nothing_are_named(run, capsys):
 
 
 def test_a_call_that_returns_nothing_is_told_so(run):
-    with pytest.warns(CallsFailed, match="returned None as .*; a return may be missing"):
+    with pytest.warns(CallsFailedWarning, match="returned None as .*; a return may be missing"):
         run(lambda a: None, VALUES)
 
 
 def test_a_result_named_like_an_argument_fails(run):
-    with pytest.warns(CallsFailed, match="variable 'a', but 'a' is the name of an argument"):
+    with pytest.warns(CallsFailedWarning, match="variable 'a', but 'a' is the name of an argument"):
         run(same, VALUES)
 
 
@@ -351,7 +351,7 @@ def test_variables_on_dimensions_of_their_own_cross(run):
 
 def test_failed_calls_of_a_data_set_are_named_by_their_arguments(run):
     dataset = xr.Dataset({"a": ("i", [2, 0]), "b": ("i", [3, 4])})
-    with pytest.warns(CallsFailed, match="result a=0,? b=4: ZeroDivisionError"):
+    with pytest.warns(CallsFailedWarning, match="result a=0,? b=4: ZeroDivisionError"):
         run(lambda a, b: b / a, dataset)
 
 

@@ -14,7 +14,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from stores import reported, rows_of
 
-from sweeps.engine.declare.errors import CallsFailed, ConfigurationError
+from sweeps.engine.declare.errors import CallsFailedWarning, ConfigurationError
 from sweeps.engine.function.sweep import sweep
 from sweeps.report.frames import frame
 from sweeps.report.outputs import page_file
@@ -188,7 +188,7 @@ def test_the_headline_is_of_results_that_exist(tmp_path):
         return math.sqrt(base - 1) ** exponent
 
     store = tmp_path / "r.zarr"
-    with pytest.warns(CallsFailed):
+    with pytest.warns(CallsFailedWarning):
         sweep(root, {"base": [-3, 0, 5], "exponent": [1, 2]}, store=store, cache=tmp_path / "c")
     assert "Root is 2 at base 5, exponent 1." in page(store)
 

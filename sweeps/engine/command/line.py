@@ -25,7 +25,7 @@ from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import RESOURCE_ERRORS, open_packs
 from sweeps.engine.command.status import format_status
 from sweeps.engine.command.usage import list_settings, usage
-from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncomplete
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, SweepIncompleteError
 from sweeps.engine.declare.failures import FailureLog, one_line
 from sweeps.engine.declare.kinds import Value
 from sweeps.engine.declare.paths import PathOrUrl, path_beside, path_or_url
@@ -117,7 +117,7 @@ class Command:
             return str(error), INVALID
         except (HydraException, OmegaConfBaseException) as error:
             return error_message(error), INVALID
-        except SweepIncomplete as error:
+        except SweepIncompleteError as error:
             return str(error), SOME_FAILED
         except MemoryError as error:
             return f"out of memory ({error}); {RESUME_HINT}", SOME_FAILED
@@ -267,7 +267,7 @@ class Command:
 
         Raises
         ------
-        SweepIncomplete
+        SweepIncompleteError
             If cells of a sweep failed, or its report is not complete.
         """
         messages: list[str] = []
@@ -291,7 +291,7 @@ class Command:
                 else:
                     messages += self._run(plan, options)
         if messages:
-            raise SweepIncomplete("; ".join(messages))
+            raise SweepIncompleteError("; ".join(messages))
 
     def _run(self, plan: Plan, options: RunOptions) -> list[str]:
         """Run one sweep and its report; return messages on failures."""
@@ -308,7 +308,7 @@ class Command:
         try:
             with allow_interrupts():
                 (self.report or self._print_report)(options.store, plan.choices, finished)
-        except SweepIncomplete as error:
+        except SweepIncompleteError as error:
             messages.append(str(error))
         except Exception as error:  # the store is complete without it
             say(self.name, f"the store is written, but not its report: {one_line(error)}")

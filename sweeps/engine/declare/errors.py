@@ -14,11 +14,11 @@ class DeclarationError(TypeError):
     """Inconsistent declarations of an experiment: a mistake of its author."""
 
 
-class CallsFailed(UserWarning):
+class CallsFailedWarning(UserWarning):
     """Some calls of a function failed; the message names them, and has the first traceback."""
 
 
-class SweepIncomplete(RuntimeError):
+class SweepIncompleteError(RuntimeError):
     """Some cells failed; the message names them (exit 1)."""
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from platformdirs import user_cache_path
 
-from sweeps.engine.declare.errors import CallsFailed, ConfigurationError, DeclarationError
+from sweeps.engine.declare.errors import CallsFailedWarning, ConfigurationError, DeclarationError
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import path_or_url
 from sweeps.engine.declare.settings import Cluster, Run, ZippedAxis, read_choices
@@ -117,7 +117,7 @@ def sweep(
 
     Warns
     -----
-    CallsFailed
+    CallsFailedWarning
         If some calls failed, with their arguments and the first traceback. All other results are in
         the store; the next sweep tries failed calls again.
 
@@ -166,7 +166,7 @@ def sweep(
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # without the traceback of the engine
     if failures:
-        warnings.warn(_failure_message(finished, failures), CallsFailed, stacklevel=2)
+        warnings.warn(_failure_message(finished, failures), CallsFailedWarning, stacklevel=2)
     results = xr.open_zarr(zarr_store(target), group=experiment.title, chunks=None)
     results = restore_scalars(results.load())
     for name, variable in results.variables.items():

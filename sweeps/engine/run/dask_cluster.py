@@ -28,7 +28,7 @@ from distributed.security import Security
 from distributed.threadpoolexecutor import ThreadPoolExecutor
 from tornado.ioloop import PeriodicCallback
 
-from sweeps.engine.declare.errors import ConfigurationError, SweepIncomplete
+from sweeps.engine.declare.errors import ConfigurationError, SweepIncompleteError
 from sweeps.engine.run.cluster import import_jobqueue
 from sweeps.engine.run.forking import ENVIRONMENT, block_interrupts
 from sweeps.engine.run.interpreter import relax_gc
@@ -93,7 +93,7 @@ class DaskExecutor:
         self._client = client
         self._workers, self._last_count, self._next_count = workers, 1, 0.0
         self._shared = shared
-        self._cancelled: Exception = SweepIncomplete(SCHEDULER_GONE)
+        self._cancelled: Exception = SweepIncompleteError(SCHEDULER_GONE)
         self._completed = as_completed(loop=client.loop)
         self._running: dict[Future, int] = {}
 
@@ -113,7 +113,7 @@ class DaskExecutor:
         self._completed.add(future)
 
     def wait(self) -> list[TaskResult]:
-        """Wait for a task to finish; raises `SweepIncomplete` if the scheduler is gone."""
+        """Wait for a task to finish; raises `SweepIncompleteError` if the scheduler is gone."""
         if not self._running:
             return []
         # wakes up ten times a second, to handle interrupts

@@ -8,7 +8,7 @@ from itertools import count
 
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import NO_PACK
-from sweeps.engine.declare.errors import SweepIncomplete
+from sweeps.engine.declare.errors import SweepIncompleteError
 from sweeps.engine.declare.failures import Failure, format_traceback, one_line
 from sweeps.engine.run.cluster import Executor
 from sweeps.engine.run.interrupts import allow_interrupts
@@ -32,7 +32,7 @@ def call_each(
 ) -> None:
     """Call functions on workers, side by side, and `progress` whenever a function has ended.
 
-    Raises SweepIncomplete if one fails.
+    Raises SweepIncompleteError if one fails.
     """
     for number, function in enumerate(functions):
         executor.submit(number, function)
@@ -42,7 +42,9 @@ def call_each(
             finished = executor.wait()
         for _, _, error in finished:
             if error is not None:
-                raise SweepIncomplete(f"workers cannot be prepared: {one_line(error)}") from error
+                raise SweepIncompleteError(
+                    f"workers cannot be prepared: {one_line(error)}"
+                ) from error
         remaining -= len(finished)
         progress()
 
