@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,9 @@ LIBRARY = tuple(Path(__file__).parent / name for name in ("ncti", "studies"))
 os.environ["XDG_CACHE_HOME"] = str(Path(__file__).parent / ".pytest_cache" / "home")
 for variable in ("SWEEP_CACHE", "NUMBA_CACHE_DIR"):  # which would come first
     os.environ.pop(variable, None)
+# Bytecode is kept, too: each of some hundred processes would compile every module that it imports.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # Before numpy is imported. Tests run in as many processes as there are cores, and threads of BLAS
 # that wait for a core spin: products of noise then take ten times as long.
 for library in ("OMP", "MKL", "OPENBLAS"):
