@@ -47,18 +47,13 @@ def is_stage(node: ast.FunctionDef) -> bool:
     return any(getattr(one, "attr", getattr(one, "id", "")) in STAGES for one in called)
 
 
-FOUND = {
-    f"{path.relative_to(ROOT).as_posix()}:{name}": node
-    for folder in FOLDERS
-    for path in sorted((ROOT / folder).rglob("*.py"))
-    for name, node in functions(ast.parse(path.read_text(encoding="utf-8")))
-}
-
-
-def test_functions_have_few_parameters():
-    many = {name for name, node in FOUND.items() if parameters(node) > MAX_PARAMETERS}
-    assert {name for name in many if not is_stage(FOUND[name])} == KEYWORDS
-
-
-def test_functions_are_short():
-    assert not [name for name, node in FOUND.items() if lines(node) > MAX_LINES]
+def test_functions_are_short_and_have_few_parameters():
+    found = {
+        f"{path.relative_to(ROOT).as_posix()}:{name}": node
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*.py")
+        for name, node in functions(ast.parse(path.read_text(encoding="utf-8")))
+    }
+    many = {name for name, node in found.items() if parameters(node) > MAX_PARAMETERS}
+    assert {name for name in many if not is_stage(found[name])} == KEYWORDS
+    assert not [name for name, node in found.items() if lines(node) > MAX_LINES]

@@ -6,12 +6,17 @@ import pytest
 from docs._tables.operate import Setting, compare_likelihoods, plan_views
 
 TESTS, DRAWS = 240, 8
-VIEWS = plan_views(TESTS)
+
+
+@pytest.fixture(scope="module")
+def views():
+    """Return templates and random views of four ships."""
+    return plan_views(TESTS)
 
 
 @pytest.mark.parametrize("setting", [Setting(100, 16), Setting(100, 4), Setting(100, 16, 10)])
-def test_one_covariance_names_as_many_views_as_each_templates_own(setting):
-    right = compare_likelihoods(setting, VIEWS, DRAWS)
+def test_one_covariance_names_as_many_views_as_each_templates_own(views, setting):
+    right = compare_likelihoods(setting, views, DRAWS)
     exact, shared, drawn = (right[name].astype(float) for name in ("exact", "one", "drawn"))
     assert 0.4 < exact.mean() < 0.99
     # Of 800 views the answers differ in 2 % at most, so paired differences have a standard
