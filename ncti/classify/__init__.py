@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ncti.classify.adaptive_clustering import AdaptiveClusteringNetwork
-    from ncti.classify.bands import lower_band
     from ncti.classify.baselines import CorrelationNeighbour
     from ncti.classify.clustering import Clustering, Similarities, cluster
     from ncti.classify.fusion import fuse, label_posterior
@@ -26,7 +25,6 @@ __all__ = [
     "cluster",
     "fuse",
     "label_posterior",
-    "lower_band",
 ]
 
 _DEFINED_IN = {
@@ -40,7 +38,6 @@ _DEFINED_IN = {
     "cluster": "clustering",
     "fuse": "fusion",
     "label_posterior": "fusion",
-    "lower_band": "bands",
 }
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from numbers import Integral, Real
 from typing import ClassVar, Self
 
@@ -194,30 +193,16 @@ class AdaptiveClusteringNetwork(ClassifierMixin, BaseEstimator):
             vectors that resemble none of the training.
         """
         check_is_fitted(self)
-        if learning:
-            return self.follower()(X)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
+        categories, sizes = unit_vectors(self.categories_)
+        if learning:
+            return move_categories(categories, sizes, vectors, self.learning_rate)
         directions, lengths = unit_vectors(vectors)
-        cosines = directions @ unit_vectors(self.categories_)[0].T
+        cosines = directions @ categories.T
         category = cosines.argmax(axis=1)
         similarity = np.take_along_axis(cosines, category[:, None], axis=1)[:, 0]
         category[lengths == 0] = NO_CATEGORY
         return category, np.clip(similarity, -1.0, 1.0)
-
-    def follower(self) -> Callable[[ArrayLike], tuple[Indices, Floats]]:
-        """Return a function that matches vectors as `match` does while learning.
-
-        It goes on where the call before has left the copy of the categories, so that vectors may
-        be presented in several calls.
-        """
-        check_is_fitted(self)
-        directions, sizes = unit_vectors(self.categories_)
-
-        def match(X: ArrayLike) -> tuple[Indices, Floats]:
-            vectors = validate_data(self, X, dtype=np.float64, reset=False)
-            return move_categories(directions, sizes, vectors, self.learning_rate)
-
-        return match
 
     def predict(self, X: ArrayLike) -> NDArray:
         """Return the label of the best-matching category of each vector.

@@ -37,19 +37,10 @@ def checked_moments(
         )
     names = require_labels("labels", labels)
     require_shape("labels", names, (count,))
-    try:
-        signal = means - require_all("floor", floor)
-    except ValueError as error:
-        if "broadcast" not in str(error):
-            raise
-        signal = np.empty(0)
-    if signal.shape != means.shape:
-        raise ValueError(
-            f"floor has shape {np.shape(floor)}, but must be one number, ({bins},), "
-            f"{(*means.shape[:-1], 1)} or {means.shape}"
-        )
+    floors = require_all("floor", floor)
+    require_shape("floor", floors, (), (bins,), (*means.shape[:-1], 1), means.shape)
     shape = count, -1, bins
-    return means.reshape(shape), bands, names, signal.reshape(shape)
+    return means.reshape(shape), bands, names, (means - floors).reshape(shape)
 
 
 def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
@@ -63,46 +54,6 @@ def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[F
     frames = require_all("frame_count", frame_count, minimum=1)
     require_shape("frame_count", frames, (), (len(samples),))
     return samples, np.broadcast_to(frames, len(samples))
-
-
-def lower_band(covariance: ArrayLike) -> Floats:
-    """Return full symmetric matrices as lower bands of all their lags.
-
-    Parameters
-    ----------
-    covariance : (..., bin, bin) array_like
-        Symmetric matrices, of which only the lower triangle is read.
-
-    Returns
-    -------
-    (..., lag, bin) float64 ndarray
-        Bands as `scipy.linalg.cholesky_banded` takes them: element [l, n] is that of bins n + l
-        and n, zero if n + l is beyond the last bin.
-
-    Raises
-    ------
-    ValueError
-        If the last two axes differ in length.
-
-    See Also
-    --------
-    GaussianTemplates : Classifier that takes such bands.
-
-    Examples
-    --------
-    >>> from ncti.classify import lower_band
-    >>> lower_band([[2.0, 1.0, 0.5], [1.0, 3.0, 1.5], [0.5, 1.5, 4.0]])
-    array([[2. , 3. , 4. ],
-           [1. , 1.5, 0. ],
-           [0.5, 0. , 0. ]])
-    """
-    dense = require_all("covariance", covariance)
-    if dense.ndim < 2 or dense.shape[-2] != dense.shape[-1]:
-        raise ValueError(f"covariance has shape {dense.shape}, but must be (..., bin, bin)")
-    bins = dense.shape[-1]
-    lag, n = np.mgrid[:bins, :bins]
-    inside = lag + n < bins
-    return np.where(inside, dense[..., np.where(inside, lag + n, 0), n], 0.0)
 
 
 def cholesky_factors(bands: Floats, diagonal_loading: float) -> Floats:
@@ -122,27 +73,27 @@ def cholesky_factors(bands: Floats, diagonal_loading: float) -> Floats:
     return factors
 
 
-def residual_band(residual: ArrayLike, correlation: ArrayLike) -> Floats:
+def residual_band(residual: Floats, correlation: Floats) -> Floats:
     """Return the covariance (lag, bin), a lower band, of a residual with the noise's correlation.
 
     `residual` (bin,) is the standard deviation in each bin, `correlation` (lag,) positive definite.
     The band is positive semidefinite, as the elementwise product of a positive definite Toeplitz
     matrix and an outer product.
     """
-    scale, along = np.asarray(residual, dtype=np.float64), np.asarray(correlation)
-    band = np.zeros((len(along), len(scale)))
-    for lag, share in enumerate(along):
-        band[lag, : len(scale) - lag] = share * scale[: len(scale) - lag] * scale[lag:]
+    bins = len(residual)
+    band = np.zeros((len(correlation), bins))
+    for lag, share in enumerate(correlation):
+        band[lag, : bins - lag] = share * residual[: bins - lag] * residual[lag:]
     return band
 
 
-def mean_correlation(bands: ArrayLike) -> Floats:
+def mean_correlation(bands: Floats) -> Floats:
     """Return the correlation between bins by lag (lag,), averaged over templates and bins.
 
     `bands` (template, lag, bin) are positive definite covariances, and so is the mean: sums along
     the diagonals of such a matrix have a nonnegative spectrum.
     """
-    along: Floats = np.asarray(bands, dtype=np.float64).sum(axis=(0, 2))
+    along: Floats = bands.sum(axis=(0, 2))
     return along / along[0]
 
 

@@ -93,23 +93,6 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         self._silent = lengths == 0.0
         return self
 
-    def similarity(self, X: ArrayLike) -> Floats:
-        """Return the cosine of each vector to each template.
-
-        Parameters
-        ----------
-        X : (sample, feature) array_like
-            Vectors to compare.
-
-        Returns
-        -------
-        (sample, template) float64 ndarray
-            Cosine in [-1, 1]; 0 if either vector is zero.
-        """
-        check_is_fitted(self)
-        directions, _ = unit_vectors(validate_data(self, X, dtype=np.float64, reset=False))
-        return np.clip(directions @ self.templates_.T, -1.0, 1.0)
-
     def match(self, X: ArrayLike, *, exclude: ArrayLike = False) -> tuple[Indices, Floats]:
         """Return the template nearest to each vector.
 

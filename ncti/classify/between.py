@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from ncti.checks import require_all, require_labels
+from numpy.typing import NDArray
 
 CIRCLE = 360.0  # deg
 MIN_CURVED = 3  # templates of a label needed for a curvature along aspect
@@ -17,24 +14,16 @@ MIN_CURVED = 3  # templates of a label needed for a curvature along aspect
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class TemplateCells:
-    """Change of profiles within the cell of aspects that each template represents.
-
-    `tangent` (template, bin) is the difference from the template at one standard deviation of the
-    aspect within its cell, `residual` (template, bin) the scale of the difference that remains.
-    """
-
-    tangent: Floats
-    residual: Floats
-
-
 def cells(
-    mean: ArrayLike, labels: ArrayLike, aspect: ArrayLike, correlation: ArrayLike
-) -> TemplateCells:
-    """Return tangent and residual of every template, from its neighbours of the same label.
+    means: Floats, labels: NDArray[Any], aspects: Floats, correlation: Floats
+) -> tuple[Floats, Floats]:
+    """Return tangent and residual (template, bin) of templates, from neighbours of the same label.
 
-    `mean` (template, bin) are mean profiles, `labels` (template,), `aspect` (template,) [deg],
+    They are the change of profiles within the cell of aspects that a template represents: the
+    difference from the template at one standard deviation of the aspect within the cell, and the
+    scale of the difference that remains.
+
+    `means` (template, bin) are mean profiles, `labels` (template,), `aspects` (template,) [deg],
     distinct within a label; `correlation` (lag,) is that of noise between bins, as wide as the
     pulse. A template at aspect a with neighbours at a - h- and a + h+ represents the aspects from a
     - h-/2 to a + h+/2. For an offset x uniform over this cell the second moment is
@@ -59,21 +48,10 @@ def cells(
     adjacent template. With two templates, half their difference replaces the residual; tangent and
     residual of a single template are 0.
     """
-    means = require_all("mean", mean)
-    aspects = require_all("aspect", aspect)
-    kernel = np.maximum(require_all("correlation", correlation), 0.0)
-    names = require_labels("labels", labels)
-    if means.ndim != 2 or aspects.shape != means.shape[:1] or names.shape != aspects.shape:
-        raise ValueError(
-            f"aspect has shape {aspects.shape}, but must match the labels and the rows of mean, of "
-            f"shapes {names.shape} and {means.shape}"
-        )
-    if kernel.ndim != 1 or not kernel.size:
-        raise ValueError(f"correlation has shape {kernel.shape}, but must be (lag,)")
     # Tangents, steps and squared curvatures, label by label.
     tangent, step = np.zeros_like(means), np.zeros(len(means))
     curvature: list[tuple[Floats, Floats]] = []  # aspects of a label, and squares at them
-    for name, rows in rows_by_label(names, aspects):
+    for name, rows in rows_by_label(labels, aspects):
         if len(rows) < 2:
             continue
         slope, bend, before, after = _parabolas(means[rows], aspects[rows] % CIRCLE, name)
@@ -82,8 +60,9 @@ def cells(
         step[rows] = (before + after) / 2
         curvature.append((aspects[rows], bend**2))
     if not curvature:
-        return TemplateCells(tangent, np.zeros_like(means))
+        return tangent, np.zeros_like(means)
     # Curvatures smoothed over bins and averaged over labels at the nearest aspect.
+    kernel = np.maximum(correlation, 0.0)
     symmetric = np.concatenate([kernel[:0:-1], kernel]) / (2 * kernel.sum() - kernel[0])
     pooled = np.zeros_like(means)
     half = len(symmetric) // 2  # the kernel may be wider than a row
@@ -91,18 +70,17 @@ def cells(
         nearest = separation(aspects[:, None], angles).argmin(axis=1)
         smooth = [np.convolve(row, symmetric)[half : half + len(row)] for row in square]
         pooled += np.stack(smooth)[nearest] / len(curvature)
-    return TemplateCells(tangent, np.sqrt(pooled) * (step**2 / 2)[:, None])
+    return tangent, np.sqrt(pooled) * (step**2 / 2)[:, None]
 
 
 def alternate_templates(
-    labels: ArrayLike, aspect: ArrayLike
+    names: NDArray[Any], aspects: Floats
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return every second template of each label (template,), to leave out, and its neighbours.
 
     The neighbours are a mask (left out, kept) of the two nearest of the same label. Labels with
     fewer than five templates keep all, because the curvature of the remaining two would be unknown.
     """
-    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64) % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
     for _, rows in rows_by_label(names, aspects):
         if len(rows) >= 2 * MIN_CURVED - 1:
@@ -114,13 +92,12 @@ def alternate_templates(
     return left_out, neighbours
 
 
-def halves(labels: ArrayLike, aspect: ArrayLike) -> list[NDArray[np.bool_]]:
+def halves(names: NDArray[Any], aspects: Floats) -> list[NDArray[np.bool_]]:
     """Return two masks (template,) of templates to leave out in turn, or none.
 
     The first mask is of `alternate_templates`, the second has the other templates except the ends
     of each label; there are none if no label has enough templates.
     """
-    names, aspects = np.asarray(labels), np.asarray(aspect, dtype=np.float64)
     second, _ = alternate_templates(names, aspects)
     between = np.zeros(len(names), dtype=bool)
     for _, rows in rows_by_label(names, aspects):

@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_labels, require_shape
 from ncti.classify.between import halves, separation
 from ncti.classify.blocks import row_blocks
 from ncti.classify.fusion import label_posterior, members, posterior_of
@@ -37,16 +36,16 @@ def fit_outlier_fraction(
     frame_count: int,
     rng: np.random.Generator,
     *,
-    gain_sigma: ArrayLike | None = None,
+    gain_sigma: float | None = None,
 ) -> Floats:
-    """Return the probability (..., template) that a likelihood carries no information.
+    """Return the probability (template,) that a likelihood carries no information.
 
-    It is 0 if templates are exact, or too few to leave some out, and has the leading axes of
-    `gain_sigma`. A covariance with tangents of a curve does not model every glint, and densities of
-    250 bins are overconfident. The remaining templates therefore classify averages of `frame_count`
-    frames drawn from every second template, then from those between, and e maximises the likelihood
-    of the true labels, (1 - e) p + e / labels, p being the posterior. One right and one wrong
-    answer are added, as in `fit_temperature_and_outliers`.
+    It is 0 if templates are exact, or too few to leave some out. A covariance with tangents of a
+    curve does not model every glint, and densities of 250 bins are overconfident. The remaining
+    templates therefore classify averages of `frame_count` frames drawn from every second template,
+    then from those between, and e maximises the likelihood of the true labels, (1 - e) p +
+    e / labels, p being the posterior. One right and one wrong answer are added, as in
+    `fit_temperature_and_outliers`.
 
     Profiles change faster with aspect abeam than at the bow, so e depends on the aspect: answers
     have weight 0.05 + exp(-x^2 / 2) at a distance of x times 15 degrees, and added ones the mean
@@ -56,34 +55,27 @@ def fit_outlier_fraction(
     a template there is no outlier fraction. Failures are taken as independent chances that grow
     with the square of the distance, whose mean is 1/12, so that e becomes 1 - (1 - e)^(1/12).
     """
-    require("frame_count", frame_count, whole=True, minimum=1)
-    gains = np.asarray(templates.gain_sigma if gain_sigma is None else gain_sigma)
-    outlier_fraction = np.zeros((*gains.shape, len(templates.labels_)))
-    if not templates.template_error_:
-        return outlier_fraction
-    sets = halves(templates.labels_, templates.aspect_)
+    sets = halves(templates.labels_, templates.aspect_) if templates.template_error_ else []
     if not sets:
-        return outlier_fraction
-    # Probabilities of the true labels of held-out templates, for each gain prior.
+        return np.zeros(len(templates.labels_))
+    # Probabilities of the true labels of held-out templates.
     correct = []
     for out in sets:
         samples, rest = templates.draw_averages(out, frame_count, rng), templates.without(out)
         truth = templates.labels_[out]  # every label keeps templates
-        logs = rest.log_likelihood(samples, frame_count, gain_sigma=gains.ravel())
-        posteriors = [label_posterior(log, rest.labels_)[1] for log in logs]
-        correct.append([posterior[np.arange(len(truth)), truth] for posterior in posteriors])
-    answers = np.concatenate(correct, axis=1)
+        logs = rest.log_likelihood(samples, frame_count, gain_sigma=gain_sigma)
+        _, posterior = label_posterior(logs, rest.labels_)
+        correct.append(posterior[np.arange(len(truth)), truth])
     # Their weights at the aspect of each template.
     held_out = np.concatenate([templates.aspect_[out] for out in sets])
     places, place = np.unique(templates.aspect_, return_inverse=True)
     distance = separation(places[:, None], held_out)
     weight = DISTANT_WEIGHT + np.exp(-((distance / ASPECT_SIGMA) ** 2) / 2)
-    labels = len(templates.classes_)
-    for g, answer in enumerate(answers):
-        fraction = likely_outlier_fraction(answer, labels, weight, added=weight.mean(axis=1))
-        at_new_aspects = -np.expm1(NEW_ASPECT_RATIO * np.log1p(-np.minimum(fraction, MAX_OUTLIERS)))
-        outlier_fraction.reshape(-1, len(place))[g] = at_new_aspects[place]
-    return outlier_fraction
+    fraction = likely_outlier_fraction(
+        np.concatenate(correct), len(templates.classes_), weight, added=weight.mean(axis=1)
+    )
+    at_new_aspects = -np.expm1(NEW_ASPECT_RATIO * np.log1p(-np.minimum(fraction, MAX_OUTLIERS)))
+    return at_new_aspects[place]
 
 
 def likely_outlier_fraction(
@@ -110,13 +102,16 @@ def likely_outlier_fraction(
 
 
 def fit_temperature_and_outliers(
-    scores: ArrayLike, labels: ArrayLike, truth: ArrayLike, *, weight: ArrayLike = 1.0
+    pieces: Sequence[Callable[[], Floats]],
+    labels: NDArray[np.intp],
+    truth: NDArray[np.intp],
+    weights: Floats,
 ) -> tuple[float, float]:
     """Return the factor that turns scores into log densities, and their outlier fraction.
 
-    `scores` and `labels` are as of `ncti.classify.label_posterior`; `truth` (sample,), `weight`
-    (sample,). The factor is 0 if no sample has two different scores, or all templates have one
-    label.
+    Each piece returns scores (sample, template) of some samples. `labels` (template,) and `truth`
+    (sample,) are numbers from 0, every true label has a template, and `weights` are (sample,). The
+    factor is 0 if no sample has two different scores, or all templates have one label.
 
     Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599) fits the factor to other samples
     than it is used for; it does not change the order of templates, but decides the weight of one
@@ -126,32 +121,6 @@ def fit_temperature_and_outliers(
     with p the posterior at the inverse temperature s; s and e maximise its likelihood, with one
     right and one wrong answer added, as n correct answers in n do not make the next one certain
     (Platt, in Advances in Large Margin Classifiers, MIT Press 1999).
-    """
-    values, names = require_all("scores", scores), require_labels("labels", labels)
-    truths, weights = require_labels("truth", truth), require_all("weight", weight, minimum=0)
-    require_shape("weight", weights, (), truths.shape)
-    weights = np.broadcast_to(weights, truths.shape)
-    classes, _ = label_posterior(values, names)
-    if truths.shape != values.shape[:1] or not truths.size or not np.isin(truths, classes).all():
-        raise ValueError(
-            f"truth has shape {truths.shape}, but must be one label of a template for each of "
-            f"{len(values)} samples, one or more"
-        )
-    pieces = [partial(values.__getitem__, rows) for rows in row_blocks(len(values))]
-    return _fit_by_pieces(
-        pieces, np.searchsorted(classes, names), np.searchsorted(classes, truths), weights
-    )
-
-
-def _fit_by_pieces(
-    pieces: Sequence[Callable[[], Floats]],
-    labels: NDArray[np.intp],
-    truth: NDArray[np.intp],
-    weights: Floats,
-) -> tuple[float, float]:
-    """Return `fit_temperature_and_outliers` of scores computed piece by piece.
-
-    Labels and truth are numbers, and every true label has a template.
     """
     classes = int(labels.max()) + 1
     ptp = np.concatenate([np.ptp(piece(), axis=1) for piece in pieces])
@@ -186,7 +155,9 @@ def _fit_by_pieces(
     return math.exp(logarithm), fraction_and_loss(logarithm)[0]
 
 
-def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike) -> Floats:
+def fit_held_out_phases(
+    scores: NDArray[np.float32], labels: NDArray[np.intp], aspect: NDArray[Any]
+) -> Floats:
     """Return (2, phase) inverse temperatures and outlier fractions, fitted to the other phases.
 
     `scores` (phase, template, template) are cosines of a sample of every template to all, at two or
@@ -194,16 +165,13 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     Samples count 11/12 with the templates of their own aspect, and 1/12 without: similarity falls
     with the square of the distance in aspect.
     """
-    values, place = np.asarray(scores), require_all("aspect", aspect)
-    phases, views, _ = values.shape
-    for cosines in values:
-        require_all("scores", cosines)
-    _, names = np.unique(require_labels("labels", labels), return_inverse=True)
+    phases, views, _ = scores.shape
+    _, names = np.unique(labels, return_inverse=True)
 
     def piece(phase: int, rows: slice, left_out: bool) -> Floats:
         """Return rows of scores, with or without the templates of their own aspects."""
-        similarity = values[phase, rows].astype(np.float64)
-        excluded = left_out & (place[rows, None] == place)
+        similarity = scores[phase, rows].astype(np.float64)
+        excluded = left_out & (aspect[rows, None] == aspect)
         return np.where(excluded, EXCLUDED_COSINE, similarity)
 
     weight = np.repeat([1 - NEW_ASPECT_RATIO, NEW_ASPECT_RATIO], (phases - 1) * views)
@@ -212,5 +180,5 @@ def fit_held_out_phases(scores: ArrayLike, labels: ArrayLike, aspect: ArrayLike)
     for phase in range(phases):
         parts = product((False, True), np.delete(np.arange(phases), phase), row_blocks(views))
         pieces = [partial(piece, other, rows, left_out) for left_out, other, rows in parts]
-        constants[:, phase] = _fit_by_pieces(pieces, names, truth, weight)
+        constants[:, phase] = fit_temperature_and_outliers(pieces, names, truth, weight)
     return constants

@@ -66,7 +66,14 @@ def label_posterior(
     >>> classes.tolist(), posterior.round(2).tolist()
     (['duncan', 'roberts'], [[0.75, 0.25]])
     """
-    values, names, left_out = _checked_scores(scores, labels, exclude)
+    values, names = require_all("scores", scores), require_labels("labels", labels)
+    if values.ndim != 2 or names.shape != values.shape[1:]:
+        raise ValueError(
+            f"scores has shape {values.shape}, but must be (sample, template) with "
+            f"{names.size} templates, one for each label"
+        )
+    left_out = require_flags("exclude", exclude)
+    require_shape("exclude", left_out, (), names.shape, values.shape)
     # One row if all samples have the same templates.
     answers = ~np.broadcast_to(left_out, values.shape if left_out.ndim == 2 else (1, names.size))
     if not answers.any(axis=1).all():
@@ -124,11 +131,9 @@ def add_outliers(scores: ArrayLike, labels: ArrayLike, *, outlier_fraction: Arra
     log((1 - e) p + e), with p the density over its mean over all labels. If e is common, the most
     probable label remains, but its lead is bounded.
     """
-    values, names, _ = _checked_scores(scores, labels)
-    share = require_all("outlier_fraction", outlier_fraction, minimum=0, maximum=1)
-    require_shape("outlier_fraction", share, (), names.shape)
+    values, share = np.asarray(scores, dtype=np.float64), np.asarray(outlier_fraction)
     best = values.max(axis=1, keepdims=True, initial=-np.inf)
-    _, label, count = np.unique(names, return_inverse=True, return_counts=True)
+    _, label, count = np.unique(labels, return_inverse=True, return_counts=True)
     weight = 1.0 / (count[label] * len(count))
     mean = np.log(np.exp(values - best) @ weight)[:, None]
     with np.errstate(divide="ignore"):  # an outlier fraction of 0 or 1, whose logarithm is -inf
@@ -219,19 +224,3 @@ def _directions(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return vectors of unit length, or zero for zero vectors."""
     norm = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
     return np.asarray(vectors / np.where(norm > 0, norm, np.float32(1)), dtype=np.float32)
-
-
-def _checked_scores(
-    scores: ArrayLike, labels: ArrayLike, exclude: ArrayLike = False
-) -> tuple[Floats, NDArray, NDArray[np.bool_]]:
-    """Return scores, labels and excluded templates as arrays of matching shapes."""
-    values = require_all("scores", scores)
-    names = require_labels("labels", labels)
-    if values.ndim != 2 or names.shape != values.shape[1:]:
-        raise ValueError(
-            f"scores has shape {values.shape}, but must be (sample, template) with "
-            f"{names.size} templates, one for each label"
-        )
-    left_out = require_flags("exclude", exclude)
-    require_shape("exclude", left_out, (), names.shape, values.shape)
-    return values, names, left_out

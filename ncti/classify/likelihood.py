@@ -13,7 +13,7 @@ from scipy.linalg import cholesky_banded
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from ncti.checks import require, require_all, require_flags
+from ncti.checks import require, require_all, require_flags, require_shape
 from ncti.classify.bands import (
     checked_averages,
     checked_moments,
@@ -71,7 +71,6 @@ class GaussianTemplates(BaseEstimator):
 
     See Also
     --------
-    lower_band : Covariance band from a full matrix.
     fuse : Combination with the scores of another sensor.
     ncti.ladar.banded_frame_moments : Mean and covariance of a frame.
 
@@ -119,13 +118,13 @@ class GaussianTemplates(BaseEstimator):
 
     Examples
     --------
-    Two templates of five bins that differ in one bin by 0.2, with a noise of 0.2 in each frame.
-    Averaging frames turns a guess into certainty:
+    Two templates of five bins that differ in one bin by 0.2, with independent noise of 0.2 in each
+    bin of a frame. Averaging frames turns a guess into certainty:
 
     >>> import numpy as np
-    >>> from ncti.classify import GaussianTemplates, lower_band
+    >>> from ncti.classify import GaussianTemplates
     >>> means = np.array([[0.0, 0.2, 1.0, 0.2, 0.0], [0.0, 0.2, 1.0, 0.4, 0.0]])
-    >>> band = lower_band(np.stack([0.04 * np.eye(5)] * 2))
+    >>> band = np.full((2, 1, 5), 0.04)
     >>> classifier = GaussianTemplates(gain_sigma=0.0, floor_sigma=0.0)
     >>> classifier = classifier.fit(means, band, ["duncan", "roberts"], floor=0.0)
     >>> for frame_count in (1, 4, 16):
@@ -175,7 +174,7 @@ class GaussianTemplates(BaseEstimator):
             IFOVs or at several.
         covariance : (template, lag, bin) array_like
             Covariance of *one* frame of each template as a lower band: element [t, l, n] is the
-            covariance of bins n and n + l. `lower_band` makes it from a full matrix.
+            covariance of bins n and n + l.
         labels : (template,) array_like
             Label of each template, such as a ship; templates may share labels.
         floor : array_like
@@ -221,6 +220,7 @@ class GaussianTemplates(BaseEstimator):
             if aspect is None:
                 raise ValueError("aspect is None, but a template error needs the aspects")
             self.aspect_ = require_all("aspect", aspect)
+            require_shape("aspect", self.aspect_, names.shape)
             self._find_cells()
             if self.template_error is None:
                 if rng is None:
@@ -250,12 +250,10 @@ class GaussianTemplates(BaseEstimator):
             If shapes do not match, or no template would be left.
         """
         check_is_fitted(self)
-        out = require_flags("left_out", left_out, self.labels_.shape)
-        if out.shape != self.labels_.shape or out.all():
-            raise ValueError(
-                f"left_out has shape {out.shape} and leaves out {out.sum()}, but must have one for "
-                f"each of {len(self.labels_)} templates and leave one"
-            )
+        out = require_flags("left_out", left_out)
+        require_shape("left_out", out, self.labels_.shape)
+        if out.all():
+            raise ValueError("left_out is true for all templates, but must leave one")
         rest = copy(self)
         labels = self.classes_[self.labels_[~out]]
         rest.classes_, rest.labels_ = np.unique(labels, return_inverse=True)
@@ -270,10 +268,10 @@ class GaussianTemplates(BaseEstimator):
 
     def _find_cells(self) -> None:
         """Add the tangent of each cell to the unknown directions, and store its residual."""
-        cell = cells(self.mean_.mean(axis=1), self.labels_, self.aspect_, self._correlation)
+        means = self.mean_.mean(axis=1)
+        tangent, self._residual = cells(means, self.labels_, self.aspect_, self._correlation)
         known = self._directions[..., : 2 * self.mean_.shape[1]]
-        self._directions = np.concatenate([known, cell.tangent[..., None]], axis=2)
-        self._residual = cell.residual
+        self._directions = np.concatenate([known, tangent[..., None]], axis=2)
 
     def log_likelihood(
         self, X: ArrayLike, frame_count: ArrayLike, *, gain_sigma: ArrayLike | None = None

@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_shape
-
 MIN_TAIL = 1e-290  # probability below which an asymptotic series gives its logarithm
 
 Floats = NDArray[np.float64]
 
 
-def log_fit(scores: ArrayLike, peak: ArrayLike, bins: int) -> Floats:
+def log_fit(scores: Floats, peak: ArrayLike, bins: int) -> Floats:
     """Return the log probability (..., template) of samples of a template that fit it worse.
 
     `scores` (..., template) and `peak` (template,) are `log_likelihood` and `peak` of
@@ -23,11 +21,7 @@ def log_fit(scores: ArrayLike, peak: ArrayLike, bins: int) -> Floats:
     """
     from scipy.special import gammaincc, gammaln
 
-    values = require_all("scores", scores)
-    peaks = require_all("peak", peak)
-    require("bins", bins, minimum=1, whole=True)
-    require_shape("peak", peaks, values.shape[-1:])
-    half, shape = np.maximum(peaks - values, 0.0), bins / 2
+    half, shape = np.maximum(np.asarray(peak) - scores, 0.0), bins / 2
     tail = gammaincc(shape, half)
     far = np.maximum(half, shape)
     series = (shape - 1) * np.log(far) - far - gammaln(shape) - np.log1p(-(shape - 1) / far)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_labels
+from ncti.checks import require, require_all, require_labels, require_shape
 from ncti.classify.between import CIRCLE, rows_by_label, steps
 
 MIN_DEVIATION = 1e-3  # a smaller error of the track [deg] counts as this one
@@ -68,11 +68,9 @@ def aspect_prior(
     reported = require_all("tracked", tracked)
     require("sigma", sigma, minimum=0.0, maximum=1e6)
     deviation = max(sigma, MIN_DEVIATION)
-    if angles.ndim != 1 or names.shape != angles.shape or reported.ndim != 1:
-        raise ValueError(
-            f"aspect has shape {angles.shape}, but must be (template,) as the labels, "
-            f"{names.shape}, and tracked (sample,), not {reported.shape}"
-        )
+    require_shape("labels", names, (names.size,))
+    require_shape("aspect", angles, names.shape)
+    require_shape("tracked", reported, (reported.size,))
     before, after = np.full((2, len(angles)), CIRCLE)
     for name, rows in rows_by_label(names, angles):
         if len(rows) > 1:

@@ -46,9 +46,9 @@ def assert_is_plain_rule(training, tests, order, *, vigilance, learning_rate, ma
     np.testing.assert_allclose(cosine, cosines.max(axis=1), atol=rounding)
 
 
-@pytest.mark.parametrize("vigilance", [0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0])
-@pytest.mark.parametrize("learning_rate", [0.01, 0.1, 0.5, 1.0])
-@pytest.mark.parametrize("max_passes", [1, 2, 50])
+@pytest.mark.parametrize("vigilance", [0.0, 0.8, 0.95, 1.0])
+@pytest.mark.parametrize("learning_rate", [0.01, 0.5, 1.0])
+@pytest.mark.parametrize("max_passes", [1, 50])
 def test_it_is_the_plain_rule(vigilance, learning_rate, max_passes):
     """Test random vectors of several lengths, with zero vectors, in random order."""
     rng = np.random.default_rng(3)
@@ -71,6 +71,7 @@ def test_it_is_the_plain_rule(vigilance, learning_rate, max_passes):
 def test_a_vector_must_exceed_the_vigilance():
     """A match equal to the vigilance is not enough."""
     assert cluster(Similarities.of(np.eye(2)), vigilance=0.0).labels.tolist() == [0, 1]
+    assert cluster(Similarities.of(np.eye(2)), vigilance=-1e-300).labels.tolist() == [0, 0]
 
 
 @pytest.mark.parametrize("features", [5, 30])
@@ -87,20 +88,6 @@ def test_samples_left_out_of_the_order_are_not_learned(features):
     (category, cosine), (other, same) = clusters.match(all_nine), of_few.match(few)
     np.testing.assert_array_equal(category, other)
     np.testing.assert_allclose(cosine, same, atol=1e-13)
-
-
-@pytest.mark.parametrize("features", [6, 20])
-def test_tests_may_come_later(features):
-    rng = np.random.default_rng(5)
-    training, tests, others = (rng.normal(size=(count, features)) for count in (12, 5, 7))
-    later = Similarities.of(training)
-    assert (later.test.shape, later.answers.shape) == ((0, min(features, 12)), (0,))
-    for presented in (tests, others):
-        at_once, delayed = Similarities.of(training, presented), later.with_tests(presented)
-        for name in ("directions", "lengths", "test", "answers"):
-            np.testing.assert_array_equal(getattr(delayed, name), getattr(at_once, name))
-    with pytest.raises(ValueError, match=rf"tests has shape \(5, 4\), .* \(test, {features}\)"):
-        later.with_tests(tests[:, :4])
 
 
 def test_memory_is_in_proportion_to_the_vectors():

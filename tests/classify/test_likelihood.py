@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from sklearn.base import clone
 
-from ncti.classify import GaussianTemplates, label_posterior, lower_band
+from ncti.classify import GaussianTemplates, label_posterior
 from ncti.classify.bands import whiten
 from ncti.classify.whitening import band_products
 
@@ -28,6 +28,12 @@ def templates(seed: int = 0, count: int = 4):
         factors[:, n + lag, n] = rng.uniform(0.2, 1.0, (count, len(n))) / (1 + 2 * lag)
     dense = factors @ factors.transpose(0, 2, 1)
     return means, floor, dense
+
+
+def lower_band(dense):
+    """Return the LAGS lower diagonals of dense covariances (template, bin, bin)."""
+    diagonals = [np.diagonal(dense, -lag, axis1=1, axis2=2) for lag in range(LAGS)]
+    return np.stack([np.pad(d, ((0, 0), (0, lag))) for lag, d in enumerate(diagonals)], axis=1)
 
 
 @pytest.mark.parametrize("gain_sigma", [0.0, 3.0])
@@ -88,7 +94,7 @@ def test_log_likelihood_is_that_of_a_dense_gaussian(
     classifier = GaussianTemplates(
         gain_sigma=gain_sigma, floor_sigma=floor_sigma, diagonal_loading=diagonal_loading
     )
-    classifier.fit(means, lower_band(dense)[:, :LAGS], LABELS, floor)
+    classifier.fit(means, lower_band(dense), LABELS, floor)
     logs = classifier.log_likelihood(X, frames)
     mean_variance = np.mean(np.diagonal(dense, axis1=1, axis2=2))
     for t, mean in enumerate(means):
@@ -113,35 +119,16 @@ def test_templates_left_out_are_as_if_never_given():
         rtol=1e-10,
         atol=1e-300,
     )
-    for left_out, name in ((1, "duncan"), (3, "texas")):  # which have one template each
-        rest = classifier.without(np.arange(4) == left_out)
-        assert name not in rest.classes_
-        assert rest.posterior(X, 4).shape == (4, 2)
-        np.testing.assert_array_equal(
-            rest.predict(X, 4), rest.classes_[rest.posterior(X, 4).argmax(axis=1)]
-        )
-        assert name not in rest.predict(X, 4)
-    assert "horne" in classifier.without([True, False, False, False]).classes_
+    rest = classifier.without([False, True, False, False])  # the only one of duncan
+    assert rest.classes_.tolist() == ["horne", "texas"]
+    best = rest.posterior(X, 4).argmax(axis=1)
+    np.testing.assert_array_equal(rest.predict(X, 4), rest.classes_[best])
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ({"mean": np.zeros(BINS)}, r"mean has shape \(24,\), but must be \(template, bin\)"),
-        ({"mean": np.full((4, BINS), np.nan)}, "mean is nan"),
-        ({"covariance": np.zeros((4, BINS))}, r"covariance has shape \(4, 24\)"),
-        ({"covariance": np.zeros((4, BINS + 1, BINS))}, "1 to 24 lags"),
-        ({"covariance": np.zeros((4, 1, BINS))}, r"diagonal_loading is 0\.001.*covariance\[0\]"),
-        ({"labels": ["a"]}, r"labels has shape \(1,\), but must be \(4,\)"),
-        ({"floor": np.zeros(3)}, r"floor has shape \(3,\)"),
-        ({"floor": np.inf}, "floor is inf"),
-    ],
-)
-def test_bad_templates_are_named(changed, message):
-    means, floor, dense = templates()
-    good = {"mean": means, "covariance": lower_band(dense), "labels": LABELS, "floor": floor}
-    with pytest.raises(ValueError, match=message):
-        GaussianTemplates().fit(**good | changed)
+def test_a_covariance_that_is_not_positive_definite_is_refused():
+    means, floor, _ = templates()
+    with pytest.raises(ValueError, match=r"^diagonal_loading is 0\.001.*covariance\[0\]"):
+        GaussianTemplates().fit(means, np.zeros((4, 1, BINS)), LABELS, floor)
 
 
 @given(

@@ -59,10 +59,6 @@ GOOD = {
     "render.mask.ship_mask": VIEW | {"pixel": 0.5},
     "render.line_image": VIEW,
     "render.cast_rays": {"mesh": BOX, "origin": np.ones((4, 3)), "direction": np.ones((4, 3))},
-    "scan.Field": {"width": 0.3, "height": 0.1, "ifov": 150e-6},
-    "scan.detect": {"image": np.zeros((2, 2)), "threshold": 1.0, "reach": (1, 1)},
-    "scan.position_count": {"width": 1.0, "height": 1.0, "element": 1.0},
-    "scan.max_pulse_rate": {"slant_range": 1e5},
     "features.log_polar": {"mask": np.eye(4)},
     "features.cyclic_similarity": {"a": np.ones((4, 2)), "b": np.ones((4, 2))},
     "features.profile_vector": {"profile": np.arange(9.0), "floor": 0.0},
@@ -72,8 +68,8 @@ GOOD = {
     "classify.cluster": {"similarities": SIMILARITIES, "vigilance": 0.9, "order": np.arange(3)},
     "classify.Similarities.of": PIECES,
     "classify.label_posterior": {"scores": np.zeros((2, 4)), "labels": list("abcd")},
-    "classify.calibration.fit_temperature_and_outliers": {
-        **{"scores": np.eye(2), "labels": [0, 1], "truth": [0, 1]},
+    "classify.aspect_prior": {
+        **{"aspect": [0.0, 10.0], "labels": ["a", "a"], "tracked": [3.0], "sigma": 1.0},
     },
     "evaluate.wilson_interval": {"successes": 1, "trials": 3},
     "evaluate.aspect_bins": {"aspects": [3.0]},
@@ -102,7 +98,6 @@ GOOD = {
     "evaluate.grouped_accuracy": {
         **{"correct": [True, False], "aspects": [0.0, 3.0], "groups": [0, 1]},
     },
-    "reproduction.assumed": {"number": 0},
     "article.figures": {"aspects": [0.0, 45.0, 90.0]},
     "irar.Correction": {},
     "irar.Flight": {"slant_range": 3900.0, "ship_heading": 0.0},
@@ -272,15 +267,13 @@ OTHERS = {
     "render.range_image": {"slant_range": [0.0, 40.0]},
     "render.mask.ship_mask": {"slant_range": [0.0, 40.0]},
     "render.line_image": {"slant_range": [0.0, 40.0], "spacing": [1e-9]},
-    "scan.Field": {"ifov": [1e-7]},
-    "scan.detect": {"reach": [(1, -1)]},
     "features.segment": {
         **{"image": [np.zeros(4), np.zeros((0, 4))], "contrast": [None, -1.0]},
     },
-    "classify.calibration.fit_temperature_and_outliers": {
-        "truth": [[0], [0, 0, 0], [[0, 0]], [0, 7]],
-    },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
+    "classify.aspect_prior": {
+        **{"aspect": [[0.0, 0.0], [0.0]], "tracked": [3.0, [INF]], "sigma": [-1.0, NAN]},
+    },
     "evaluate.wilson_interval": {"confidence": [0.0, 1.0, 95.0, NAN]},
     "evaluate.accuracy_by_aspect": {
         "correct": [np.ones((4, 3)), np.ones((4, 2), bool), np.ones(3, bool)],
@@ -301,7 +294,6 @@ OTHERS = {
     "evaluate.grouped_accuracy": {"correct": [[0.5, 1.0]], "groups": [[0], [NAN, 1.0]]},
     "evaluate.replicated_accuracy": {"correct": [np.zeros((2, 4, 3)), np.zeros((4, 3), bool)]},
     "evaluate.category_formation": {"labels": [[0], [0.5, 1.0]]},
-    "reproduction.assumed": {"number": [-1, 0.5, 10**12], "seed": [-1, 0.5]},
     "article.figures": {"aspects": [[0.0, 45.0]]},
     "irar.Flight": {
         **{
@@ -345,13 +337,10 @@ OTHERS = {
 }
 
 
-STUDIES = ("scan", "reproduction")
-
-
 def found(path):
-    """Return the object of a dotted name below `ncti`, or of a study."""
+    """Return the object of a dotted name below `ncti`."""
     *modules, name = path.split(".")
-    thing = importlib.import_module("studies" if modules[0] in STUDIES else "ncti")
+    thing = importlib.import_module("ncti")
     for part in (*modules, name):
         if not hasattr(thing, part):
             importlib.import_module(f"{thing.__name__}.{part}")

@@ -70,7 +70,6 @@ ARRAYS = {
 METHODS = {
     "templates": (classify.GaussianTemplates(template_error=0.1).fit, GAUSS | {"aspect": ASPECTS}),
     "averages": (TEMPLATES.posterior, {"X": PROFILES, "frame_count": np.full(VIEWS, 4)}),
-    "lower band": (classify.lower_band, {"covariance": np.stack([np.eye(3)] * 2)}),
     "labels of categories": (FOUND.majority_labels, {"classes": np.repeat([0, 1, 2], 4)}),
     "accuracy": (
         evaluate.accuracy_by_aspect,
