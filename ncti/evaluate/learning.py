@@ -149,9 +149,6 @@ def learning_curve(
 
 def _occurrence_numbers(kinds: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return for each element the number of equal elements before it."""
-    by_kind = np.argsort(kinds, kind="stable")
-    counts = np.bincount(kinds)
-    before = np.repeat(np.cumsum(counts) - counts, counts)
-    places = np.empty(len(kinds), dtype=np.intp)
-    places[by_kind] = np.arange(len(kinds)) - before
-    return places
+    import pandas as pd
+
+    return pd.Series(kinds).groupby(kinds).cumcount().to_numpy(np.intp)

@@ -121,16 +121,15 @@ def replicated_accuracy(
     lead, inner = right.shape[: right.ndim - 2 - draws], right.shape[right.ndim - 2 - draws :]
     step = max(1, AT_ONCE // max(math.prod(inner), 1))
     number = math.prod(lead)
-    results = tuple(np.empty((number, len(labels) + 1)) for _ in range(4))
     right_cells, flag_cells = right.reshape(number, *inner), flags.reshape(number, *inner)
-    for first in range(0, len(results[0]), step):
+    blocks = []
+    for first in range(0, max(number, 1), step):
         cells = slice(first, first + step)
-        accuracy = _accuracy(right_cells[cells], flag_cells[cells], member, draws, confidence)
-        for values, block in zip(results, accuracy, strict=True):
-            values[cells] = block
-    fraction, low, high, n = (values.reshape(*lead, len(labels) + 1) for values in results)
-    counts = np.rint(n).astype(np.intp)
-    return AspectAccuracy((*labels, OVERALL), fraction, low, high, counts, confidence)
+        blocks.append(_accuracy(right_cells[cells], flag_cells[cells], member, draws, confidence))
+    fraction, low, high, n = (
+        np.concatenate(parts).reshape(*lead, len(labels) + 1) for parts in zip(*blocks, strict=True)
+    )
+    return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
 
 
 def _accuracy(
@@ -336,9 +335,7 @@ def paired_difference(
     high = difference + interval_reach(
         after.ci_high - after.fraction, before.fraction - before.ci_low
     )
-    return AspectAccuracy(
-        before.labels, difference, low, high, before.n, confidence, is_difference=True
-    )
+    return AspectAccuracy(before.labels, difference, low, high, before.n)
 
 
 def _views(values: Floats, member: Floats) -> Floats:

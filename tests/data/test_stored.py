@@ -6,6 +6,7 @@ from commands import opened, swept
 
 import ncti
 from ncti.classify import AdaptiveClusteringNetwork, CorrelationNeighbour
+from ncti.data.torch import StoredRows
 
 SHIPS, ASPECTS, LEARNED = ["duncan", "spruance", "texas"], [0, 20, 45, 70, 90], [0, 45, 90]
 UNKNOWN = "texas"
@@ -40,28 +41,33 @@ def answers(store, classifier, split, **where):
     return stored.ship.values[cells.values.astype(int).reshape(-1)].tolist()
 
 
-@pytest.mark.parametrize("split", SPLITS)
-@pytest.mark.parametrize("pulse_width", PULSES)
-def test_a_nearest_neighbour_answers_as_the_store_has_it(store, split, pulse_width):
-    where = {"pulse_width": pulse_width, "frame_count": 8, "replicate": 1}
-    neighbour = CorrelationNeighbour()
-    neighbour.fit(*ncti.load_xy(store, "correlation", **where)[:2])
-    X, *_ = ncti.load_xy(store, "correlation", split, **where)
-    assert neighbour.predict(X).tolist() == answers(store, "correlation", split, **where)
+PLACES = {
+    "correlation": {"pulse_width": 50.0, "frame_count": 8, "replicate": 1},
+    "acn": {"pulse_width": 30.0, "frame_count": 2, "replicate": 0},
+    "acn_infrared": {"super_resolution": "perfect", "frame_count": 8, "phase": 1},
+}
 
 
 @pytest.mark.parametrize("split", SPLITS)
-def test_a_clustering_network_answers_as_the_store_has_it(store, split):
+@pytest.mark.parametrize("name", PLACES)
+def test_a_classifier_answers_as_the_store_has_it(store, name, split):
     """Test profiles, and silhouettes at one place on the pixels."""
-    for classifier, where in (
-        ("acn", {"pulse_width": 30.0, "frame_count": 2, "replicate": 0}),
-        ("acn_infrared", {"super_resolution": "perfect", "frame_count": 8, "phase": 1}),
-    ):
-        stored = opened(store, f"classification/{classifier}")
-        network = AdaptiveClusteringNetwork(vigilance=float(stored.vigilance.values.item()))
-        network.fit(*ncti.load_xy(store, classifier, **where)[:2])
-        X, *_ = ncti.load_xy(store, classifier, split, **where)
-        assert network.predict(X).tolist() == answers(store, classifier, split, **where)
+    where = PLACES[name]
+    classifier = CorrelationNeighbour()
+    if name != "correlation":
+        stored = opened(store, f"classification/{name}")
+        classifier = AdaptiveClusteringNetwork(vigilance=float(stored.vigilance.values.item()))
+    classifier.fit(*ncti.load_xy(store, name, **where)[:2])
+    X, *_ = ncti.load_xy(store, name, split, **where)
+    assert classifier.predict(X).tolist() == answers(store, name, split, **where)
+
+
+def test_rows_of_torch_may_be_selected_by_lists(store):
+    where = {"split": "learned", "pulse_width": 30.0, "frame_count": FRAMES}
+    X, *_ = ncti.load_xy(store, "range_profile", **where)
+    rows = StoredRows(store, "range_profile", **where)
+    vectors = [vector for vector, _ in rows.__getitems__(range(len(X)))]
+    np.testing.assert_array_equal(vectors, X.astype(np.float32))
 
 
 def test_splits_share_no_view_and_hold_all(store):

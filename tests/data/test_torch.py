@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from commands import FAST, swept
+from commands import swept
 
 import ncti
 import ncti.data.torch
@@ -117,17 +117,6 @@ def test_no_two_workers_read_the_same_piece(workers, monkeypatch):
         assert len([*RowStream(pieces, batch_size=7, seed=0)]) == 16 * 3 // workers
         read += sorted(pieces.read)
     assert sorted(read) == [*range(16)]
-
-
-def test_a_selection_may_be_a_list(tmp_path, cache):
-    path = tmp_path / "s.zarr"
-    grid = ("grid.ship=[duncan,texas]", "grid.aspect=[0,60]", "grid.frame_count=[2,16]")
-    swept(path, cache, *FAST, *grid)
-    where = {"split": "learned", "frame_count": [2, 16]}
-    X, _, _ = ncti.load_xy(path, "range_profile", **where)
-    rows = StoredRows(path, "range_profile", **where)
-    vectors = [vector for vector, _ in rows.__getitems__(range(len(X)))]
-    np.testing.assert_array_equal(vectors, X.astype(np.float32))
 
 
 def test_labels_are_those_of_the_classes_that_are_given(store):

@@ -118,8 +118,8 @@ def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentra
         assert score.ci_high[k] == pytest.approx(high, abs=1e-9)
 
 
-@pytest.mark.parametrize("truth", [0.5, 0.7, 0.95])
-@pytest.mark.parametrize("concentration", [0.3, 1.0, 5.0, 1e9])
+@pytest.mark.parametrize("truth", [0.7, 0.95])
+@pytest.mark.parametrize("concentration", [0.3, 5.0, 1e9])
 def test_intervals_cover_the_truth(truth, concentration):
     """Test 4,000 experiments with beta-distributed views, by bin and overall.
 
@@ -182,6 +182,17 @@ def test_intervals_of_paired_differences_cover(draws, alike, confidence):
     truth = 0.2 / 3
     covered = int(((difference.ci_low <= truth) & (truth <= difference.ci_high))[:, -1].sum())
     assert stats.binom.cdf(covered, 2000, confidence) > 1e-4, covered
+
+
+def test_intervals_of_classifiers_that_agree_are_narrower():
+    rng = np.random.default_rng(12)
+    chance, other_chance = rng.beta(0.5, 0.5, (2, 200, 1, 2, 20))
+    first, same, other = (rng.random((200, 1, 2, 20)) < c for c in (chance, chance, other_chance))
+    widths = []
+    for second in (same, other):
+        difference = evaluate.paired_difference(first, second, np.full(20, 45.0))
+        widths.append((difference.ci_high - difference.ci_low).mean())
+    assert widths[0] < 0.9 * widths[1]
 
 
 @settings(deadline=None, max_examples=40)
