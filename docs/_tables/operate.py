@@ -14,25 +14,17 @@ from numpy.typing import NDArray
 import ncti.ships
 from benchmarks.reports import Column, Report
 from docs._tables.proof import LoneSetting, prove_sweep
+from docs._tables.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 from docs._tables.sweeping import choices_of, sweep_groups
 from ncti.classify.likelihood import GaussianTemplates
 from ncti.ladar import banded_frame_moments, noise_floor, power_ratio, range_extent, sample_frames
 from ncti.render import LineImage
-from studies.operate import (
-    ProfileMatch,
-    Radar,
-    ViewExtents,
-    draw_views,
-    fleet_order,
-    planned_views,
-    seen_views,
-    ship_evidence,
-    signatures,
-)
-from studies.operate.identify import LEFT_OUT
-from studies.operate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
+from studies.operate.fleets import fleet_order
+from studies.operate.identify import LEFT_OUT, planned_views
+from studies.operate.matching import ship_evidence
+from studies.operate.profiles import ProfileMatch, Radar, signatures
 from studies.operate.stages import Operate
-from studies.operate.survey import DRAWN_FOR
+from studies.operate.survey import DRAWN_FOR, ViewExtents, draw_views, seen_views
 from studies.operate.tables import LEVEL, frames_needed
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Grid
@@ -271,11 +263,9 @@ def sobol(shares: xr.Dataset, samples: int = 1024, resamples: int = 20) -> Repor
             for k in range(min(resamples, channel_shares.sizes["resample"]))
         ]
         for kind in ("first", "total"):
-            noise = np.std([getattr(redrawn, kind) for redrawn in resampled_indices], axis=0)
-            ends = np.hypot(getattr(indices, f"{kind}_interval"), 1.96 * noise)
-            cells = [
-                f"{a:.2f} ± {b:.2f}" for a, b in zip(getattr(indices, kind), ends, strict=True)
-            ]
+            noise = np.std([redrawn[kind] for redrawn in resampled_indices], axis=0)
+            ends = np.hypot(indices[f"{kind}_interval"], 1.96 * noise)
+            cells = [f"{a:.2f} ± {b:.2f}" for a, b in zip(indices[kind], ends, strict=True)]
             rows.append({"what": f"{channel}, {kind}", **dict(zip(AXES, cells, strict=True))})
     columns = (Column("what", "percent identified by"), *(Column(name, name) for name in AXES))
     note = (

@@ -11,7 +11,8 @@ import xarray as xr
 from benchmarks.reports import Column, Report
 from docs._tables.proof import LoneSetting, prove_sweep
 from docs._tables.sweeping import choices_of, sweep_groups
-from studies.reproduction import FITS, PRIORS, Choice
+from studies.reproduction.assumptions import PRIORS, Choice
+from studies.reproduction.fits import FITS
 from studies.reproduction.stages import Reproduce
 
 EXPERIMENT = ("+experiment=reproduce",)

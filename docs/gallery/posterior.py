@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 
-from studies.reproduction import PRIORS, Choice
+from studies.reproduction.assumptions import PRIORS, Choice
 
 FITS = {"2, 3": ("C0", "Tables 2, 3"), "4, 5": ("C1", "Tables 4, 5"), "all": ("0.2", "all tables")}
 store, picture = sys.argv[1:]

@@ -14,7 +14,6 @@ from sklearn.utils import check_random_state
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from ncti.checks import require
 from ncti.classify.blocks import row_blocks
 from ncti.classify.constraints import Interval, fit_context
 
@@ -27,7 +26,6 @@ PLACES = 8  # along the profile, at which the last layer is averaged
 BATCH = 64  # rows of a step
 RATE, DECAY = 2e-3, 1e-2  # largest learning rate, and weight decay
 WARM_UP = 0.3  # part of the steps in which the learning rate rises
-MAX_MAGNITUDE = 1e15  # of inputs, whose squares single precision holds
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +64,6 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         """Train the network on X (sample, feature) and labels y (sample,), an output each."""
         vectors, labels = validate_data(self, X, y, dtype=np.float64)
         check_classification_targets(labels)
-        _require_moderate(vectors)
         self.classes_, label = np.unique(labels, return_inverse=True)
         self.centre_, self.scale_ = float(vectors.mean()), float(vectors.std()) or 1.0
         random = check_random_state(self.random_state)
@@ -80,7 +77,6 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         """Return (sample, class) probabilities of X (sample, feature), ordered as `classes_`."""
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
-        _require_moderate(vectors)
         inputs = self._inputs(vectors)
         likely = np.empty((len(inputs), len(self.classes_)))
         with limit_to_one_thread() as torch, torch.no_grad():
@@ -129,11 +125,6 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         return losses
 
 
-def _require_moderate(vectors: Floats) -> None:
-    """Raise `ValueError` if a number in X is too large for single precision."""
-    require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=MAX_MAGNITUDE)
-
-
 def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential:
     """Return a network with weights drawn by numpy, as torch draws them."""
     from torch import from_numpy, nn, no_grad
@@ -158,13 +149,9 @@ def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential
 
 @contextmanager
 def limit_to_one_thread() -> Iterator[Any]:
-    """Yield torch, limited to one thread meanwhile; `ImportError` if it is not installed."""
-    try:
-        import torch
-    except ImportError as error:
-        raise ImportError(
-            "a convolutional network needs PyTorch: pip install 'ncti-sweep[torch]'"
-        ) from error
+    """Yield torch, limited to one thread meanwhile."""
+    import torch
+
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -104,9 +104,7 @@ def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Data
                 "p_value": (outcome.p_value, "probability of it if both were equally good"),
             }
         )
-    table = xr.concat(
-        [labelled_dataset({k: _scalar(v) for k, v in row.items()}) for row in rows], SPLIT
-    )
+    table = xr.concat([labelled_dataset(row) for row in rows], SPLIT)
     return table.assign_coords({SPLIT: answers[SPLIT]})
 
 
@@ -125,14 +123,6 @@ def interval(values: Floats, minimum: float, maximum: float) -> tuple[float, flo
     error = float(finite.std(ddof=1)) / np.sqrt(finite.size)
     reach = float(stdtrit(finite.size - 1, 0.5 + 0.5 * CONFIDENCE)) * error
     return mean, max(mean - reach, minimum), min(mean + reach, maximum)
-
-
-def _scalar(figure: tuple[float, str]) -> tuple[Any, ...]:
-    """Return a number of a table with its label."""
-    import xarray as xr
-
-    value, *label = figure
-    return (xr.DataArray(value), *label)
 
 
 def _views(view: NDArray[Any], seeds: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -194,9 +184,8 @@ def _means(
             ("", "_low", "_high"), estimate, (label, *ends), strict=True
         ):
             figures[name + suffix] = (value, text)
-    table = {name: _scalar(figure) for name, figure in figures.items()}
     for name, unit in UNITS.items():
-        table |= {key: (*table[key], unit) for key in (name, f"{name}_low", f"{name}_high")}
+        figures |= {key: (*figures[key], unit) for key in (name, f"{name}_low", f"{name}_high")}
     # By aspect: the views of all seeds.
     of_bin = np.searchsorted(SIDE, [float(label) for label in pooled.labels[:-1]]) - 1
     for name, values, text in (
@@ -206,16 +195,16 @@ def _means(
     ):
         by_aspect = np.full(len(SIDE), np.nan)
         by_aspect[of_bin] = values[:-1]
-        table[name] = xr.DataArray(by_aspect, dims="aspect_bin"), text
+        figures[name] = xr.DataArray(by_aspect, dims="aspect_bin"), text
     confusion = np.sum([scores.confusion for scores, *_ in seeds], axis=0)
     shares = confusion / np.maximum(confusion.sum(axis=1, keepdims=True), 1)
     label = "share of answers to a ship that name another"
-    table["confusion"] = xr.DataArray(shares, dims=("ship", "ship_named")), label
+    figures["confusion"] = xr.DataArray(shares, dims=("ship", "ship_named")), label
     curves = [scores.reliability for scores, *_ in seeds if scores.reliability is not None]
     n = np.sum([curve.n for curve in curves], axis=0) if curves else np.zeros(10)
     hits = np.nansum([curve.fraction * curve.n for curve in curves], axis=0) if curves else n
     fraction = np.where(n > 0, hits / np.maximum(n, 1), np.nan)
     label = "share of right answers, by tenth of the probability of the ship named"
-    table["reliability"] = xr.DataArray(fraction, dims="confidence"), label
-    table["reliability_n"] = xr.DataArray(n.astype(float), dims="confidence"), "answers"
-    return table
+    figures["reliability"] = xr.DataArray(fraction, dims="confidence"), label
+    figures["reliability_n"] = xr.DataArray(n.astype(float), dims="confidence"), "answers"
+    return figures

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
-
 MIN_SHIPS = 4
 """Smallest number of ships."""
 
@@ -37,8 +35,6 @@ def views_of_ships(tests: int, ships: int) -> list[int]:
 
     The n-th ship has the tests over n, rounded up, with at least `MIN_SHIPS` for n.
     """
-    require("tests", tests, minimum=1, whole=True)
-    require("ships", ships, minimum=1, whole=True)
     return [-(-tests // max(ship, MIN_SHIPS)) for ship in range(1, ships + 1)]
 
 
@@ -66,7 +62,6 @@ def fleet_shares(
     start = np.concatenate([[0], np.cumsum(rows)])
     share, resampled = [], []
     for fleet in fleets:
-        require("fleets", fleet, minimum=MIN_SHIPS, maximum=values.shape[1], whole=True)
         count = rows[fleet - 1]
         indices = (start[:fleet, None] + np.arange(count)).ravel()
         predicted = values[indices, :fleet].argmax(axis=1).reshape(fleet, count)

@@ -7,8 +7,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
-
 Singles = NDArray[np.float32]
 Densities = tuple[Singles, Singles]
 
@@ -29,8 +27,7 @@ def log_evidence(product: ArrayLike, energy: ArrayLike, *, gain_sigma: float = 1
         2 log p = [2 (x.s) - (s.s) + sigma^2 (x.s)^2] / (1 + sigma^2 s.s) - log(1 + sigma^2 s.s).
     """
     x_s = np.asarray(product, dtype=np.float32)
-    s_s = require_all("energy", energy, minimum=0.0)
-    require("gain_sigma", gain_sigma, minimum=0.0)
+    s_s = np.asarray(energy, dtype=np.float64)
     spread = 1.0 + gain_sigma**2 * s_s
     linear = (1.0 / spread).astype(np.float32)
     square = (0.5 * gain_sigma**2 / spread).astype(np.float32)
@@ -48,10 +45,7 @@ def relative_densities(evidence: NDArray[np.floating], ships: int) -> Densities:
     `evidence` (sample, template) holds log densities, equally many of each ship, ship by ship; the
     relative densities are (sample, ship, template), at most 1.
     """
-    samples, templates = evidence.shape
-    if ships < 1 or templates % ships:
-        raise ValueError(f"ships is {ships}, but must divide the number of templates, {templates}")
-    by_ship = np.asarray(evidence, dtype=np.float32).reshape(samples, ships, -1)
+    by_ship = np.asarray(evidence, dtype=np.float32).reshape(len(evidence), ships, -1)
     best = by_ship.max(axis=2)
     density = by_ship - best[:, :, None]
     np.exp(density, out=density)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_shape
 from ncti.ladar.extent import REFERENCE_BIN
 from ncti.ladar.moments import magnitude_covariance
 from ncti.ladar.pulse import Pulse, noise_by_lag, noise_covariance, target_response
@@ -62,11 +61,9 @@ def signatures(
     p after the pulse and noise variance v. The pulse's tails below exp(-32) of its peak power are
     cut.
     """
-    ratios = require_all("cnr", cnr, minimum=0.0)
-    require("learned", learned, minimum=1, whole=True)
     noise = math.sqrt(math.pi / 8)
     shape = len(seen.ifovs), bins
-    excess = np.empty((len(ratios), len(pulse_width), *shape), np.float32)
+    excess = np.empty((len(cnr), len(pulse_width), *shape), np.float32)
     power = np.empty((len(pulse_width), 1 + shape[0] - learned, bins), np.float32)
     for p, width in enumerate(pulse_width):
         index, after = _after_pulse(seen, width, bin_width, bins)
@@ -74,16 +71,16 @@ def signatures(
         def sum_by_bin(values: Floats, index: Indices = index) -> Floats:
             return np.bincount(index, values, math.prod(shape)).astype(np.float64).reshape(shape)
 
-        for c, ratio in enumerate(ratios):
+        for c, ratio in enumerate(cnr):
             above = sum_by_bin(np.sqrt(ratio * after + noise) - math.sqrt(noise))
             excess[c, p] = math.sqrt(math.pi / 2) * above
         total = sum_by_bin(after)
         power[p, 0], power[p, 1:] = total[:learned].mean(axis=0), total[learned:]
-    along = len(ratios), len(pulse_width)
+    along = len(cnr), len(pulse_width)
     ifovs = seen.ifovs[learned:]
     return {
         "excess": excess,
-        "power": np.broadcast_to(power, (len(ratios), *power.shape)),
+        "power": np.broadcast_to(power, (len(cnr), *power.shape)),
         "ifovs": np.broadcast_to(ifovs, (*along, len(ifovs))),
     }
 
@@ -191,8 +188,6 @@ class ProfileMatch:
 
         learned = np.asarray(templates, dtype=np.float64)
         measured = np.asarray(tests, dtype=np.float64)
-        require_shape("templates", learned, (*learned.shape[:2], measured.shape[-1]))
-        require("floor_sigma", floor_sigma, minimum=0.0)
         bins = measured.shape[-1]
         pulse = Pulse(radar.pulse_width, radar.bin_width)
         noise = float(noise_by_lag(pulse, 1)[0])

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_shape
 from ncti.infrared.imager import Imager
 from studies.operate.matching import fit_inverse_temperature, log_evidence
 from studies.operate.survey import ViewExtents
@@ -31,8 +30,6 @@ def silhouettes(
     target [m]; a ship must fill the share `coverage_rule` of a pixel. `length` and `height` of the
     largest ship [m] and `depression` [deg] set the window.
     """
-    require("footprint", footprint, positive=True)
-    require("coverage_rule", coverage_rule, positive=True, maximum=1.0)
     down = math.radians(depression)
     tilted = length / 2 * math.sin(down)
     # Pixels to the left of and below the one with the origin, and all of them.
@@ -76,10 +73,6 @@ class SilhouetteMatch:
         left_out: NDArray[np.bool_],
         rng: np.random.Generator,
     ) -> None:
-        require_shape("tests", tests, (len(tests), *templates.shape[2:]))
-        require_shape(
-            "left_out", left_out, (len(templates), *left_out.shape[1:2], *tests.shape[1:])
-        )
         # Only pixels that some template or test covers distinguish ships.
         occupied = templates.any(axis=(0, 1)) | tests.any(axis=0)
         template_pixels = templates[..., occupied].astype(np.float32)

@@ -14,8 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ncti.infrared import footprint
-from studies import operate as library
-from studies.operate import ViewExtents, tables
+from studies.operate import tables
+from studies.operate.fleets import MIN_SHIPS
+from studies.operate.identify import (
+    CHANNELS,
+    Trial,
+    identify,
+    match_silhouettes,
+    packed,
+    planned_views,
+)
+from studies.operate.profiles import signatures
+from studies.operate.silhouettes import silhouettes
+from studies.operate.survey import ViewExtents, draw_views, seen_views
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, count
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, derived, in_memory, stage
@@ -43,7 +54,7 @@ class Operate(Settings, key="operate"):
 
     fleet = count(
         [4, 6],
-        library.fleets.MIN_SHIPS,
+        MIN_SHIPS,
         1000,
         label="ships told apart, the first of grid.ship",
         help="nominal ships come first, then variants by number",
@@ -72,7 +83,7 @@ operate_views = stage(
     gather=(Grid.aspect,),
     stream=Stream((Grid.ship,)),
     name="operate_views",
-)(library.planned_views)
+)(planned_views)
 
 
 @in_memory(uses=(Render,))
@@ -80,7 +91,7 @@ def operate_lines(
     mesh: trimesh.Trimesh, operate_views: Arrays, depression: float, pixel: float
 ) -> list[LineImage]:
     """Return the visible pieces of all views of a ship."""
-    return library.draw_views(mesh, operate_views["aspects"], depression=depression, spacing=pixel)
+    return draw_views(mesh, operate_views["aspects"], depression=depression, spacing=pixel)
 
 
 @derived(uses=(Ladar,), reads={"slant_range": Grid.range})
@@ -103,7 +114,7 @@ BINS = {name: BEAM[name] for name in ("bin_width", "window", "reflectance")}
 )
 def operate_seen(operate_lines: list[LineImage], operate_views: Arrays, **beam: Any) -> Arrays:
     """Return the range extents of a ship in all views."""
-    return vars(library.seen_views(operate_lines, operate_views["places"], **beam))
+    return vars(seen_views(operate_lines, operate_views["places"], **beam))
 
 
 # Profiles and silhouettes
@@ -129,7 +140,7 @@ def operate_signatures(
     window: float,
 ) -> Arrays:
     """Return expected profiles of a ship above the floor, and the power of its tests."""
-    return library.signatures(
+    return signatures(
         restore(ViewExtents, operate_seen),
         pulse_width=pulse_width,
         cnr=[cnr_at_range.function(range, decibels, cnr_range, extinction) for decibels in cnr],
@@ -153,7 +164,7 @@ def operate_signatures(
 )
 def operate_shown(operate_seen: Arrays, **window: Any) -> Arrays:
     """Return the pixels that show a ship."""
-    return library.packed(library.silhouettes(restore(ViewExtents, operate_seen), **window))
+    return packed(silhouettes(restore(ViewExtents, operate_seen), **window))
 
 
 operate_silhouettes = in_memory(
@@ -163,12 +174,12 @@ operate_silhouettes = in_memory(
     stream=Stream(()),
     keep=3,
     name="operate_silhouettes",
-)(library.match_silhouettes)
+)(match_silhouettes)
 
 
 # Answers
 
-operate_trial = derived(uses=USED, name="operate_trial")(library.Trial)
+operate_trial = derived(uses=USED, name="operate_trial")(Trial)
 identified = OPERATED.stage(
     Output("share", ("channel",), label="share of views identified"),
     Output("resampled", ("channel", "resample"), label="share of views, drawn anew from them"),
@@ -183,13 +194,13 @@ identified = OPERATED.stage(
         "slant_range": Grid.range,
     },
     name="identified",
-)(library.identify)
+)(identify)
 
 
 @OPERATED.stage(coordinate("channel", ("channel",), "U10", label="sensor that identifies the ship"))
 def operate_channels() -> NDArray[np.str_]:
     """Return the names of the channels."""
-    return np.array(library.CHANNELS)
+    return np.array(CHANNELS)
 
 
 # Tables

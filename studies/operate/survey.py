@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all, require_generator
 from ncti.ladar.extent import range_extent
 from ncti.render import LineImage, line_image
 
@@ -61,10 +60,6 @@ def random_views(
     A place is that of the ship origin in its IFOV, right and up from the corner. The first views do
     not depend on `count`, unlike those of `grid.random_aspects`, which fill every bin of aspect.
     """
-    require("low", low)
-    require("high", high, minimum=low)
-    require("count", count, minimum=1, whole=True)
-    require_generator("rng", rng)
     drawn = rng.random((count, 3))
     return low + (high - low) * drawn[:, 0], drawn[:, 1:]
 
@@ -77,7 +72,7 @@ def draw_views(
     `depression` is that of the line of sight [deg], and the lines are `spacing` [m] apart on the
     target.
     """
-    angles = require_all("aspects", aspects).ravel().tolist()
+    angles = np.asarray(aspects, dtype=np.float64).tolist()
     return [line_image(mesh, aspect=a, depression=depression, spacing=spacing) for a in angles]
 
 
@@ -97,12 +92,8 @@ def seen_views(
     curvature of the wavefront, 0.1 m at 25 km across half a ship, are ignored in learned and tested
     views.
     """
-    origins = require_all("places", places)
-    if origins.shape != (len(views), 2):
-        raise ValueError(f"places has shape {origins.shape}, but must be ({len(views)}, 2)")
-    require("footprint", footprint, positive=True)
     fraction, range_bins, samples, cells, ifovs = [], [], [], [], []
-    for view, shift in zip(views, origins.tolist(), strict=True):
+    for view, shift in zip(views, np.asarray(places).tolist(), strict=True):
         extent = range_extent(
             view,
             slant_range=DRAWN_FOR,

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.article import SHIPS
-from ncti.checks import require
 
 CLASSES = 8
 """Equally probable classes of numbers, in which a posterior is compared with its prior."""
@@ -38,7 +37,6 @@ class Interval:
 
     def at(self, share: float) -> float:
         """Return the quantile of a probability in [0, 1)."""
-        require("share", share, minimum=0.0, below=1.0)
         if not self.logarithmic:
             return self.low + share * (self.high - self.low)
         first, last = (math.log(end + self.shift) for end in (self.low, self.high))
@@ -72,7 +70,6 @@ class Choice:
 
     def at(self, share: float) -> Any:
         """Return the quantile of a probability in [0, 1)."""
-        require("share", share, minimum=0.0, below=1.0)
         return self.values[int(share * len(self.values))]
 
     def number(self, value: Any) -> float:
@@ -132,13 +129,11 @@ def assumed(number: int, *, seed: int = 0) -> dict[str, Any]:
     Settings are points of a scrambled Sobol sequence (Owen, Journal of Complexity 14, 466 (1998)),
     so a longer series continues a shorter one: a setting depends on its number and the seed alone.
     """
-    require("number", number, whole=True, minimum=0, below=2**30)
-    require("seed", seed, whole=True, minimum=0)
     from scipy.stats.qmc import Sobol
 
-    series = Sobol(len(PRIORS), scramble=True, seed=int(seed))
+    series = Sobol(len(PRIORS), scramble=True, seed=seed)
     if number:  # scipy cannot go forward by 0
-        series.fast_forward(int(number))
+        series.fast_forward(number)
     shares = series.random(1)[0]
     return {
         name: prior.at(min(float(share), 1 - 2**-53))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_generator
 from ncti.evaluate import aspect_bins
 from ncti.features import profile_vector
 from ncti.ladar import (
@@ -123,14 +122,8 @@ def averaged_profiles(
     is largest in averages of few frames without target-free IFOVs, where ships are named correctly
     as often (`tests/studies/reproduction`).
     """
-    require("draws", draws, whole=True, minimum=1)
-    require_generator("rng", rng)
     longest = np.array(frame_counts)
     steps = -np.diff([*longest, 0])  # frames that each average has more than the next
-    if not len(longest) or (steps < 1).any():
-        raise ValueError(
-            f"frame_counts is {frame_counts!r}, but must be whole numbers that fall, to at least 1"
-        )
     from scipy.linalg import cholesky_banded
 
     mean, band = banded_frame_moments(

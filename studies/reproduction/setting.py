@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ncti.article import SHIPS
-from ncti.checks import require, require_all, require_generator
 from ncti.ladar import spread_place
 from ncti.render import line_image
 from ncti.render.flight import DEPRESSION, depression_angle
-from ncti.ships import load
 from studies.reproduction.profiles import SLANT_RANGE, profile_tables
 from studies.reproduction.silhouettes import LOOKS, silhouette_table
 from studies.reproduction.simulated import Simulated
@@ -34,28 +31,24 @@ def reproduce(
     aspects: ArrayLike,
     draws: int,
     rng: np.random.Generator,
-    view: Callable[[str, float, float], LineImage] | None = None,
+    view: Callable[[str, float, float], LineImage],
 ) -> dict[str, Simulated]:
     """Return the article's Tables 2 to 5, simulated with given values of its unstated parameters.
 
     `assumed` has a value for every name of `PRIORS`; the `aspects` (aspect,) [deg] of the four
     ships serve training, which is noiseless, and test; `view` returns the view of a ship's name, an
-    aspect and a depression [deg], by default drawn by `draw`. `table2` and `table4` are percent
+    aspect and a depression [deg], as `draw` does. `table2` and `table4` are percent
     correct by (row, bin), rows being training, then 32, 16, 8 and 4 frames; `table3` counts
     categories at 10, 30 and 50 ns; `table5` has rows 25 km, 50 km with half pixels, 50 km;
     `categories5` is (1,). The multilayered network is trained once; so is the other, or once a draw
     if orders are random.
     """
-    require_generator("rng", rng)
-    require("draws", draws, whole=True, minimum=2)
-    angles = require_all("aspects", aspects, minimum=0.0, maximum=90.0)
+    angles = np.asarray(aspects, dtype=np.float64)
     ships = [_variant(name, assumed[f"variant_{name}"]) for name in SHIPS]
-    draw_view = _draw_ship if view is None else view
     place = assumed["place_right"], assumed["place_up"]
     moved = tuple(
         (coordinate + off) % 1.0 for coordinate, off in zip(place, spread_place(1), strict=True)
     )
-    views: dict[float, Sequence[Any]] = {}
     depressions = {
         slant_range: DEPRESSION
         if assumed["depression"] == "fixed"
@@ -63,17 +56,17 @@ def reproduce(
         for slant_range in (SLANT_RANGE, *(look.slant_range for look in LOOKS))
     }
     drawn = {
-        depression: [
-            draw_view(ship, aspect, depression) for ship in ships for aspect in angles.tolist()
-        ]
+        depression: [view(ship, aspect, depression) for ship in ships for aspect in angles.tolist()]
         for depression in set(depressions.values())
     }
-    views = {slant_range: drawn[depression] for slant_range, depression in depressions.items()}
+    views: dict[float, Sequence[LineImage]] = {
+        slant_range: drawn[depression] for slant_range, depression in depressions.items()
+    }
     options: dict[str, Any] = {
         "places": (place, moved if assumed["moved"] else place),
         "ship": np.repeat(np.arange(len(SHIPS)), angles.size),
         "aspect": np.tile(angles, len(SHIPS)),
-        "draws": int(draws),
+        "draws": draws,
         "rng": rng,
     }
     profiles = profile_tables(views.pop(SLANT_RANGE), assumed, **options)
@@ -87,15 +80,6 @@ def draw(mesh: trimesh.Trimesh, aspect: float, depression: float) -> LineImage:
     pixel in a hundred of a silhouette at 25 km differs: less than between variants of a sheet.
     """
     return line_image(mesh, aspect=aspect, depression=depression, spacing=SPACING)
-
-
-def _draw_ship(ship: str, aspect: float, depression: float) -> LineImage:
-    return draw(_load_ship(ship), aspect, depression)
-
-
-@lru_cache(maxsize=8)
-def _load_ship(ship: str) -> trimesh.Trimesh:
-    return load(ship)
 
 
 def _variant(name: str, number: int) -> str:

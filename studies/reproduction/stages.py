@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from ncti import article
 from ncti.labels import labelled_dataset
-from studies import reproduction as library
+from studies.reproduction.assumptions import PRIORS, assumed
+from studies.reproduction.fits import FITS, Agreement
+from studies.reproduction.setting import draw, reproduce
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Run, Settings, count, draws
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate
@@ -73,20 +75,20 @@ def reproduced(
     rng: np.random.Generator,
 ) -> Arrays:
     """Return the article's figures and all parameters in one setting."""
-    assumed = library.assumed(setting, seed=seed)
-    tables = library.reproduce(assumed, aspects=aspect, draws=draws, rng=rng, view=_view)
-    values = [prior.number(assumed[name]) for name, prior in library.PRIORS.items()]
+    values = assumed(setting, seed=seed)
+    tables = reproduce(values, aspects=aspect, draws=draws, rng=rng, view=_view)
+    numbers = [prior.number(values[name]) for name, prior in PRIORS.items()]
     return {
         "mean": article.figure_order({name: scores.mean for name, scores in tables.items()}),
         "spread": article.figure_order({name: scores.spread for name, scores in tables.items()}),
-        "value": np.array(values),
+        "value": np.array(numbers),
     }
 
 
 @lru_cache(maxsize=KEPT)
 def _view(ship: str, aspect: float, depression: float) -> LineImage:
     mesh = meshes.read_mesh(meshes.mesh_source(ship_name(ship)))
-    return library.draw(mesh, aspect, depression)
+    return draw(mesh, aspect, depression)
 
 
 @SETTINGS.stage(
@@ -94,7 +96,7 @@ def _view(ship: str, aspect: float, depression: float) -> LineImage:
 )
 def parameter_names() -> NDArray[np.str_]:
     """Return the names of all parameters."""
-    return np.array(list(library.PRIORS))
+    return np.array(list(PRIORS))
 
 
 @SETTINGS.stage(
@@ -119,15 +121,13 @@ def check(choices: Choices) -> Choices:
     return choices
 
 
-def valid_settings(
-    reproduction: xr.Dataset, choices: Choices
-) -> tuple[xr.DataArray, library.Agreement]:
+def valid_settings(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, Agreement]:
     """Return the settings of a group that did not fail, and their agreement with the article."""
     complete = np.flatnonzero(reproduction["mean"].notnull().all("figure"))
     settings = reproduction.isel(setting=complete).transpose("setting", ...)
     figures, draws = article.figures(choices[Grid.aspect]), choices.value(Reproduce.draws)
     arrays = {name: settings[name].values for name in VARIABLES}
-    return settings.setting, library.Agreement(figures, draws=draws, **arrays)
+    return settings.setting, Agreement(figures, draws=draws, **arrays)
 
 
 def tabulate_figures(reproduction: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -208,7 +208,7 @@ def _labelled_columns(columns: dict[str, Any], reproduction: xr.Dataset) -> xr.D
     names: dict[Any, Any] = {
         name: reproduction[name] for name in ("figure", "parameter") if name in table.dims
     }
-    return table.assign_coords(names | {"fitted": list(library.FITS)})
+    return table.assign_coords(names | {"fitted": list(FITS)})
 
 
 _shown = partial(Figure, format=".0f")

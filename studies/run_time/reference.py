@@ -68,12 +68,6 @@ def reference_range_extent(
     halved until at most 1e-5 of their area does. A face on the edge of two bins counts in the bin
     behind.
     """
-    reach = float(np.linalg.norm(mesh.vertices, axis=1).max(initial=0.0))
-    if slant_range is not None and not slant_range > reach:
-        raise ValueError(
-            f"slant_range is {slant_range:g} m, but must be above {reach:g} m, the largest "
-            "distance of a vertex from the ship origin"
-        )
     curvature = 0.0 if slant_range is None else 1.0 / slant_range
     corners = _project(mesh, aspect, depression, curvature)
     if slant_range is not None:

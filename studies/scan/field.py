@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
 from ncti.infrared import thermal_images
 
 Pixels = NDArray[np.int64]
@@ -54,8 +53,6 @@ class Field:
     ifov: float
 
     def __post_init__(self) -> None:
-        for name in ("width", "height", "ifov"):
-            require(name, getattr(self, name), positive=True, maximum=math.pi)
         finest = math.sqrt(self.width * self.height / MAX_PIXELS)
         if self.ifov < finest:
             raise ValueError(
@@ -98,16 +95,7 @@ def elevation(slant_range: float, *, middle_range: float, depression: float) -> 
     `slant_range` and `middle_range` [m] lead to the target and the middle, `depression` [rad] to
     the middle. The sensor's height is common: slant_range sin(d) = middle_range sin(depression).
     """
-    require("slant_range", slant_range, positive=True)
-    require("middle_range", middle_range, positive=True)
-    require("depression", depression, positive=True, below=math.pi / 2)
-    sine = middle_range * math.sin(depression) / slant_range
-    if sine > 1:
-        raise ValueError(
-            f"slant_range is {slant_range:g} m, but must be at least the sensor's height, "
-            f"{middle_range * math.sin(depression):g} m"
-        )
-    return depression - math.asin(sine)
+    return depression - math.asin(middle_range * math.sin(depression) / slant_range)
 
 
 def thermal_field(
@@ -129,7 +117,6 @@ def thermal_field(
     """
     signal, covered = np.zeros(field.shape), np.zeros(field.shape, dtype=bool)
     for pixel, contrast in zip(targets, contrasts, strict=True):
-        require("contrasts", contrast)
         column, row = pixel[field.box.holds(pixel)].T
         signal[row, column], covered[row, column] = contrast, True
     [image] = thermal_images(
@@ -153,9 +140,6 @@ def detect(
     Pixels within reach are grouped, and groups that share a pixel merged: one ship never makes two
     detections; a false alarm within reach joins and widens its detection.
     """
-    require("threshold", threshold)
-    for steps in reach:
-        require("reach", steps, minimum=0, whole=True)
     hot = np.argwhere(image > threshold)[:, ::-1]
     if not len(hot):
         return ()
@@ -186,7 +170,6 @@ def cue(box: Box, *, reach: tuple[int, int], detector: int) -> Box:
     It is a whole number of detector positions, `detector` elements along a side. A single pixel
     gives 2 reach + 1 columns, a ship detected from end to end reach + 1.
     """
-    require("detector", detector, minimum=1, whole=True)
     lower, upper = [], []
     for low, high, steps in zip(box[:2], box[2:], reach, strict=True):
         begin = min(low, high - 1 - steps)

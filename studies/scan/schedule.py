@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from ncti.checks import require
 from ncti.ladar.pulse import SPEED_OF_LIGHT
+from studies.scan.field import Box, Field
 
 DETECTOR = 2
 """Elements of the laser radar's detector along either side; article, 'NCTI Sensor Suite'."""
@@ -34,11 +35,6 @@ class Schedule:
         """Duration of the whole search [s]."""
         return self.imaging + self.slewing + self.dwelling
 
-    @property
-    def gain(self) -> float:
-        """Duration by the laser radar alone, over that of the search."""
-        return self.exhaustive / self.total
-
 
 def position_count(width: float, height: float, *, element: float, detector: int = DETECTOR) -> int:
     """Return the number of positions of a square detector that cover a rectangle.
@@ -47,25 +43,17 @@ def position_count(width: float, height: float, *, element: float, detector: int
     elements of 150 urad in the article's 'NCTI Sensor Suite' cover its field, 2 x 3 deg, in 117 x
     175 positions.
     """
-    require("width", width, positive=True)
-    require("height", height, positive=True)
-    require("element", element, positive=True)
-    require("detector", detector, minimum=1, whole=True)
     columns, rows = (math.ceil(side / (detector * element) - _ROUNDING) for side in (width, height))
     return max(columns, 1) * max(rows, 1)
 
 
 def dwell(positions: int, *, frame_count: int, pulse_rate: float) -> float:
     """Return the duration [s] of `frame_count` pulses at each position, at `pulse_rate` [Hz]."""
-    require("positions", positions, minimum=0, whole=True)
-    require("frame_count", frame_count, minimum=1, whole=True)
-    require("pulse_rate", pulse_rate, positive=True)
     return positions * frame_count / pulse_rate
 
 
 def max_pulse_rate(slant_range: float) -> float:
     """Return the highest pulse rate without range ambiguity, c / (2 slant_range) [Hz]."""
-    require("slant_range", slant_range, positive=True)
     return SPEED_OF_LIGHT / (2 * slant_range)
 
 
@@ -85,32 +73,45 @@ def imaging_time(
     either side; each position takes `frame_count` frames at `frame_rate` [Hz], each move
     `slew_time` [s].
     """
-    require("frame_rate", frame_rate, positive=True)
-    require("slew_time", slew_time, minimum=0.0)
     positions = position_count(width, height, element=ifov, detector=pixels)
     staring = dwell(positions, frame_count=frame_count, pulse_rate=frame_rate)
     return staring + (positions - 1) * slew_time
 
 
-def schedule(
-    visits: Sequence[int],
-    *,
-    imaging: float,
-    whole: int,
-    frame_count: int,
-    pulse_rate: float,
-    slew_time: float,
-) -> Schedule:
-    """Return the durations of a search with visits, and of a scan of the whole field.
+@dataclass(frozen=True)
+class Rates:
+    """Rates of both sensors, and the time that a move takes.
 
-    `visits` count positions of the detector, `whole` those over the field; `imaging` takes the time
-    of `imaging_time`, a move to a visit `slew_time` [s], a step within one none; `pulse_rate` [Hz].
+    `detector` and `imager_pixels` count elements along a side; the laser radar takes one frame a
+    pulse, at `pulse_rate` [Hz], the imager `imager_frames` at `frame_rate` [Hz]; either moves in
+    `slew_time` [s].
     """
-    require("imaging", imaging, minimum=0.0)
-    require("slew_time", slew_time, minimum=0.0)
-    return Schedule(
-        imaging=imaging,
-        slewing=len(visits) * slew_time,
-        dwelling=dwell(sum(visits), frame_count=frame_count, pulse_rate=pulse_rate),
-        exhaustive=dwell(whole, frame_count=frame_count, pulse_rate=pulse_rate),
-    )
+
+    detector: int
+    pulse_rate: float
+    imager_pixels: int
+    imager_frames: int
+    frame_rate: float
+    slew_time: float
+
+    def schedule(self, field: Field, visits: Sequence[Box], frame_count: int) -> Schedule:
+        """Return the times of a search with given visits and frames at each position."""
+        positions = [visit.size[0] * visit.size[1] // self.detector**2 for visit in visits]
+        whole = position_count(
+            field.width, field.height, element=field.ifov, detector=self.detector
+        )
+        pulses: dict[str, Any] = {"frame_count": frame_count, "pulse_rate": self.pulse_rate}
+        return Schedule(
+            imaging=imaging_time(
+                field.width,
+                field.height,
+                ifov=field.ifov,
+                pixels=self.imager_pixels,
+                frame_count=self.imager_frames,
+                frame_rate=self.frame_rate,
+                slew_time=self.slew_time,
+            ),
+            slewing=len(visits) * self.slew_time,
+            dwelling=dwell(sum(positions), **pulses),
+            exhaustive=dwell(whole, **pulses),
+        )

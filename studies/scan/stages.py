@@ -18,19 +18,17 @@ from ncti.evaluate import wilson_interval
 from ncti.labels import labelled_dataset
 from ncti.ladar import RangeExtent, banded_frame_moments
 from ncti.ladar.window import EDGE_SHARE
-from studies.scan import (
-    Box,
-    Field,
-    Imager,
+from studies.scan.field import Box, Field
+from studies.scan.imager import Imager, observe
+from studies.scan.schedule import Rates, max_pulse_rate
+from studies.scan.targets import Survey, Target, box
+from studies.scan.visits import (
     Laser,
-    Rates,
-    Survey,
-    Target,
-    box,
-    max_pulse_rate,
-    observe,
+    identify_visits,
+    known_similarity,
+    search_outcome,
+    visit_templates,
 )
-from studies.scan.visits import identify_visits, known_similarity, search_outcome, visit_templates
 from sweeps.engine.declare.display import Display, Figure
 from sweeps.engine.declare.settings import Choices, Settings, Unit, count, number, word
 from sweeps.engine.declare.stage import Group, Output, Stream, coordinate, derived, in_memory, stage

@@ -72,8 +72,6 @@ class Survey:
     def elevation(self, slant_range: float) -> float:
         """Return the elevation of a target at a slant range [m] from the middle [rad]."""
         down = math.radians(self.depression)
-        if not down:
-            return 0.0
         return elevation(slant_range, middle_range=self.slant_range, depression=down)
 
     def target(

@@ -15,7 +15,7 @@ from ncti.features import profile_vector
 from ncti.ladar import RangeExtent, banded_frame_moments, carrier_to_noise, no_return
 from ncti.ladar.frames import averaged_frames
 from studies.scan.field import Box, Field, cue
-from studies.scan.schedule import Schedule, imaging_time, position_count, schedule
+from studies.scan.schedule import Rates
 from studies.scan.targets import Survey, Target
 
 if TYPE_CHECKING:
@@ -293,42 +293,3 @@ def search_outcome(
         **vars(times),
         "total": times.total,
     }
-
-
-@dataclass(frozen=True)
-class Rates:
-    """Rates of both sensors, and the time that a move takes.
-
-    `detector` and `imager_pixels` count elements along a side; the laser radar takes one frame a
-    pulse, at `pulse_rate` [Hz], the imager `imager_frames` at `frame_rate` [Hz]; either moves in
-    `slew_time` [s].
-    """
-
-    detector: int
-    pulse_rate: float
-    imager_pixels: int
-    imager_frames: int
-    frame_rate: float
-    slew_time: float
-
-    def schedule(self, field: Field, visits: Sequence[Box], frame_count: int) -> Schedule:
-        """Return the times of a search with given visits and frames at each position."""
-        sizes = [visit.size for visit in visits]
-        return schedule(
-            [columns * rows // self.detector**2 for columns, rows in sizes],
-            imaging=imaging_time(
-                field.width,
-                field.height,
-                ifov=field.ifov,
-                pixels=self.imager_pixels,
-                frame_count=self.imager_frames,
-                frame_rate=self.frame_rate,
-                slew_time=self.slew_time,
-            ),
-            whole=position_count(
-                field.width, field.height, element=field.ifov, detector=self.detector
-            ),
-            frame_count=frame_count,
-            pulse_rate=self.pulse_rate,
-            slew_time=self.slew_time,
-        )

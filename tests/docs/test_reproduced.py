@@ -6,7 +6,8 @@ import xarray as xr
 
 from docs._tables import reproduced
 from ncti.article import figures
-from studies.reproduction import FITS, PRIORS, assumed
+from studies.reproduction.assumptions import PRIORS, assumed
+from studies.reproduction.fits import FITS
 
 NAMES = [f"Table {figure.table}, {figure.name}" for figure in figures()]
 SETTINGS = 16

@@ -8,25 +8,17 @@ from scipy.special import logsumexp
 
 import ncti.ships
 from ncti.infrared import Imager
-from studies.operate import (
-    SilhouetteMatch,
-    Trial,
-    draw_views,
-    identify,
-    match_silhouettes,
-    packed,
-    planned_views,
-    seen_views,
-    ship_evidence,
-    signatures,
-    silhouettes,
-)
+from studies.operate.identify import Trial, identify, match_silhouettes, packed, planned_views
 from studies.operate.matching import (
     fit_inverse_temperature,
     joint_evidence,
     over_places,
     relative_densities,
+    ship_evidence,
 )
+from studies.operate.profiles import signatures
+from studies.operate.silhouettes import SilhouetteMatch, silhouettes
+from studies.operate.survey import draw_views, seen_views
 
 SHIPS = ("duncan", "roberts", "connole", "horne")  # the first two are sisters
 ASPECTS = np.arange(0, 90.1, 0.75).tolist()

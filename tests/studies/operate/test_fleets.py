@@ -8,14 +8,13 @@ from hypothesis import strategies as st
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from studies.operate import (
+from studies.operate.fleets import (
     bootstrap_uniforms,
     fleet_order,
     fleet_shares,
-    log_evidence,
-    ship_evidence,
     views_of_ships,
 )
+from studies.operate.matching import log_evidence, ship_evidence
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 5))

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from ncti.classify import GaussianTemplates, lower_band
+from ncti.classify import GaussianTemplates
 from ncti.ladar import expected_profile, frame_moments, noise_floor, range_extent
 from ncti.ladar.pulse import Pulse
-from studies.operate import ProfileMatch, Radar, draw_views, seen_views, signatures
-from studies.operate.profiles import LOADING, RAYLEIGH, correlations, frame_noise
+from studies.operate.profiles import (
+    LOADING,
+    RAYLEIGH,
+    ProfileMatch,
+    Radar,
+    correlations,
+    frame_noise,
+    signatures,
+)
+from studies.operate.survey import draw_views, seen_views
 
 PULSE = {"pulse_width": 30e-9, "bin_width": 1.0}
 BINS, FOOTPRINT = 120, 7.5
@@ -87,9 +95,10 @@ def test_likelihood_is_that_of_gaussian_templates_of_one_covariance(gain_sigma, 
     match = ProfileMatch(*seen, floor_sigma=floor_sigma)
     evidence = match.evidence(frames, gain_sigma=gain_sigma)
     covariance = RAYLEIGH * math.sqrt(math.pi / 8) * free * correlations(Pulse(30e-9, 1.0), BINS)[1]
+    band = [np.pad(np.diag(covariance, -lag), (0, lag)) for lag in range(BINS)]
     exact = GaussianTemplates(
         gain_sigma=gain_sigma, floor_sigma=floor_sigma, diagonal_loading=LOADING
-    ).fit(templates, lower_band(np.stack([covariance] * 3)), [0, 1, 2], floor=0.0)
+    ).fit(templates, np.stack([band] * 3), [0, 1, 2], floor=0.0)
     noise = frame_noise(still, ifovs, normals, radar)
     expected = exact.log_likelihood(tests + noise / math.sqrt(frames), frames)
     difference = (evidence - evidence[:, :1]) - (expected - expected[:, :1])

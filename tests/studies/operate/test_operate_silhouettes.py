@@ -8,7 +8,8 @@ import trimesh
 from scipy.special import ndtr
 
 from ncti.infrared import Imager, silhouette
-from studies.operate import SilhouetteMatch, draw_views, seen_views, silhouettes
+from studies.operate.silhouettes import SilhouetteMatch, silhouettes
+from studies.operate.survey import draw_views, seen_views
 
 IMAGER = Imager(0.25, 2.16, 0.181e-3, 0.8, 0.3, 0.3)
 

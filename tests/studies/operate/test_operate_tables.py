@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from studies.operate import relative_cost, tabulate_cheapest, tabulate_frames
+from studies.operate.costs import relative_cost
+from studies.operate.tables import tabulate_cheapest, tabulate_frames
 
 AXES = {
     "range": [50.0, 100.0],

@@ -3,31 +3,16 @@
 import numpy as np
 import pytest
 
-from studies.operate.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
+from docs._tables.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 
 
-def ishigami(x):
-    return np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
-
-
-def test_indices_of_the_ishigami_function():
-    ends = {name: (-np.pi, np.pi) for name in "abc"}
-    indices = sobol_indices(ishigami, ends, samples=4096, seed=3)
-    # Closed forms, with a = 7 and b = 0.1.
-    first = 0.5 * (1 + 0.1 * np.pi**4 / 5) ** 2
-    second, interaction = 49 / 8, 0.01 * np.pi**8 * (1 / 18 - 1 / 50)
-    variance = first + second + interaction
-    expected = np.array([first, second, 0]) / variance
-    totals = np.array([first + interaction, second, interaction]) / variance
-    # The bound of six figures is twice a 95 % interval, which is 4 standard deviations.
-    assert (np.abs(indices.first - expected) < 2 * indices.first_interval + 1e-3).all()
-    assert (np.abs(indices.total - totals) < 2 * indices.total_interval + 1e-3).all()
-    assert indices.names == ("a", "b", "c") and (indices.total_interval < 0.1).all()
-
-
-def test_numbers_of_samples_are_powers_of_two():
-    with pytest.raises(ValueError, match=r"samples is 1000, but must be a power of 2"):
-        sobol_indices(ishigami, {"a": (0.0, 1.0)}, samples=1000)
+def test_indices_of_a_product():
+    """Of x + x y, uniform from -1 to 1, three quarters of the variance are of x alone."""
+    ends = dict.fromkeys("xy", (-1.0, 1.0))
+    indices = sobol_indices(lambda at: at[:, 0] * (1 + at[:, 1]), ends, samples=4096, seed=3)
+    np.testing.assert_allclose(indices["first"], [0.75, 0.0], atol=0.02)
+    np.testing.assert_allclose(indices["total"], [1.0, 0.25], atol=0.02)
+    assert (indices["total_interval"] < 0.1).all()
 
 
 def test_interpolant_is_exact_for_multilinear_functions_of_logarithms():

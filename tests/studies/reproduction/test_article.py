@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from ncti.article import article_figures, figure_order, figures
-from studies.reproduction import FITS, PRIORS, Agreement, assumed
 from studies.reproduction.agreement import binomial_variance
+from studies.reproduction.assumptions import PRIORS, assumed
+from studies.reproduction.fits import FITS, Agreement
 
 
 def compared(mean, value=None, **overrides):

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats.qmc import Sobol
 
-from studies.reproduction import PRIORS, Choice, Interval, assumed
-from studies.reproduction.assumptions import CLASSES
+from studies.reproduction.assumptions import CLASSES, PRIORS, Choice, Interval, assumed
 
 NUMBERS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, Interval)}
 WORDS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, Choice)}

@@ -14,9 +14,9 @@ from ncti.render import line_image, range_image
 from studies.run_time.reference import reference_range_extent
 
 SMALL = (
-    *("sensor=run_time", "grid.ship=[duncan,texas]", "grid.aspect=60", "render.samples=0"),
-    *("grid.pulse_width=[10,30]", "grid.frame_count=16", "render.engine=[embree,lines]"),
-    *("render.pixel=[1,2]", "render.roll=31.7", "ladar.spread=[0,0.5]", "run_time.repeats=2"),
+    *("sensor=run_time", "grid.ship=texas", "grid.aspect=60", "render.samples=0"),
+    *("grid.pulse_width=30", "grid.frame_count=16", "render.engine=[embree,lines]"),
+    *("render.pixel=1", "render.roll=31.7", "ladar.spread=[0,0.5]", "run_time.repeats=1"),
 )
 SINGLE = ("range", "frame_count", "bin_width")
 EDGES = np.arange(-125.0, 126.0)

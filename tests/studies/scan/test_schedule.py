@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.scan import imaging_time, max_pulse_rate, position_count, schedule
-from studies.scan.schedule import dwell
+from studies.scan.field import Box, Field
+from studies.scan.schedule import Rates, dwell, imaging_time, max_pulse_rate, position_count
 
 IFOV = 150e-6
 SOURCE = {"width": math.radians(3), "height": math.radians(2)}
@@ -42,14 +42,14 @@ def test_the_imager_steps_over_a_field_wider_than_its_array():
     slew_time=st.floats(0, 1),
 )
 def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, pulse_rate, slew_time):
-    fixed = {"imaging": 1.0, "whole": 20475, "slew_time": slew_time}
-    search = schedule(visits, frame_count=frame_count, pulse_rate=pulse_rate, **fixed)
+    rates = Rates(2, pulse_rate, 256, 16, 30.0, slew_time)
+    boxes = [Box(0, 0, 2 * positions, 2) for positions in visits]
+    search = rates.schedule(Field(**SOURCE, ifov=IFOV), boxes, frame_count)
+    assert search.imaging == imaging_time(**SOURCE, **IMAGER | {"slew_time": slew_time})
     assert search.total == search.imaging + search.slewing + search.dwelling
     assert search.slewing == pytest.approx(len(visits) * slew_time)
     assert search.dwelling == pytest.approx(sum(visits) * frame_count / pulse_rate)
-    assert search.gain == pytest.approx(20475 * frame_count / pulse_rate / search.total)
-    twice = schedule(visits, frame_count=2 * frame_count, pulse_rate=2 * pulse_rate, **fixed)
-    assert (twice.dwelling, twice.exhaustive) == pytest.approx((search.dwelling, search.exhaustive))
+    assert search.exhaustive == pytest.approx(175 * 117 * frame_count / pulse_rate)
 
 
 def test_a_pulse_is_back_before_the_next():

@@ -3,30 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require
-
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class SobolIndices:
-    """Shares of the variance of a figure that settings account for.
-
-    `first` (setting,) is that of the setting alone, `total` (setting,) that left if all others are
-    fixed; intervals are half widths at 95 %.
-    """
-
-    names: tuple[str, ...]
-    first: Floats
-    total: Floats
-    first_interval: Floats
-    total_interval: Floats
 
 
 def sobol_indices(
@@ -35,7 +17,7 @@ def sobol_indices(
     *,
     samples: int = 1024,
     seed: int = 0,
-) -> SobolIndices:
+) -> dict[str, Floats]:
     """Return the Sobol indices of a function of several settings, with 95 % intervals, by SALib.
 
     `figure` returns a value for each of (point, setting); settings are uniform within their bounds.
@@ -45,11 +27,6 @@ def sobol_indices(
     alone: noise of the figure shows in the indices of resampled figures. Needs
     ``ncti-sweep[design]``.
     """
-    require("samples", samples, minimum=2, whole=True)
-    if samples & (samples - 1):
-        raise ValueError(f"samples is {samples}, but must be a power of 2")
-    for name, (low, high) in bounds.items():
-        require(f"bounds[{name!r}]", high - low, positive=True)
     from SALib.analyze import sobol as analysis
     from SALib.sample import sobol as sampling
 
@@ -68,8 +45,8 @@ def sobol_indices(
         conf_level=0.95,
         seed=seed,
     )
-    arrays = (np.asarray(indices[name]) for name in ("S1", "ST", "S1_conf", "ST_conf"))
-    return SobolIndices(tuple(bounds), *arrays)
+    names = {"S1": "first", "ST": "total", "S1_conf": "first_interval", "ST_conf": "total_interval"}
+    return {name: np.asarray(indices[key]) for key, name in names.items()}
 
 
 def grid_interpolant(
