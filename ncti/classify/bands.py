@@ -46,7 +46,6 @@ def checked_moments(
 def checked_averages(X: ArrayLike, frame_count: ArrayLike, bins: int) -> tuple[Floats, Floats]:
     """Return (sample, bin) averages and the (sample,) numbers of frames, or raise `ValueError`."""
     samples = require_all("X", X)
-    # The band solver of LAPACK writes beyond its arrays if there is nothing to solve.
     if samples.ndim != 2 or samples.shape[1] != bins or not samples.size:
         raise ValueError(
             f"X has shape {samples.shape}, but must be (sample, {bins}) with at least one sample"

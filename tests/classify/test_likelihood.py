@@ -10,7 +10,8 @@ from scipy import stats
 from sklearn.base import clone
 
 from ncti.classify import GaussianTemplates, label_posterior
-from ncti.classify.bands import whiten
+from ncti.classify.bands import mean_correlation, residual_band, whiten
+from ncti.classify.between import cells
 from ncti.classify.whitening import band_products
 
 BINS, LAGS = 24, 5
@@ -104,6 +105,27 @@ def test_log_likelihood_is_that_of_a_dense_gaussian(
             by_hand = stats.multivariate_normal(mean, frame / n + unknown).logpdf(x)
             np.testing.assert_allclose(log, by_hand, rtol=1e-10)
     np.testing.assert_array_equal(classifier.posterior(X, frames), label_posterior(logs, LABELS)[1])
+
+
+@pytest.mark.parametrize("frames", [1, 16])
+def test_a_template_error_is_the_same_in_all_frames(frames):
+    """Averages have its covariance whole, and that of a frame over their number."""
+    means, floor, dense = templates(count=3)
+    aspect, band = np.array([0.0, 2.0, 4.0]), lower_band(dense)
+    known = {"gain_sigma": 0.0, "floor_sigma": 0.0, "diagonal_loading": 0.0}
+    classifier = GaussianTemplates(template_error=0.3, **known)
+    classifier.fit(means, band, ["duncan"] * 3, floor, aspect=aspect)
+    correlation = mean_correlation(band)
+    tangents, residuals = cells(means, np.zeros(3), aspect, correlation)
+    for t, mean in enumerate(means):
+        lower = residual_band(residuals[t], correlation)
+        error = sum(np.diag(row[: BINS - lag], -lag) for lag, row in enumerate(lower))
+        error = error + np.tril(error, -1).T
+        covariance = dense[t] / frames + 0.3 * error + np.outer(tangents[t], tangents[t])
+        by_hand = stats.multivariate_normal(mean, covariance).logpdf(means)
+        np.testing.assert_allclose(
+            classifier.log_likelihood(means, frames)[:, t], by_hand, rtol=1e-9
+        )
 
 
 def test_templates_left_out_are_as_if_never_given():

@@ -8,14 +8,14 @@ from scipy.stats import norm
 
 from ncti.classify import GaussianTemplates, aspect_prior, label_posterior
 
-AT = np.arange(0.0, 91.0, 1.5)
+AT = np.cumsum(np.tile([1.0, 2.0], 30))
 SHIP = np.full(AT.size, "duncan")
 
 
 @given(tracked=st.floats(-20, 110), sigma=st.floats(0.05, 200))
 def test_is_the_mass_of_a_cell(tracked, sigma):
     prior = aspect_prior(AT, SHIP, [tracked], sigma=sigma)[0]
-    edges = np.concatenate([AT - 0.75, [90.75]])
+    edges = np.concatenate([[AT[0] - 1.0], (AT[1:] + AT[:-1]) / 2, [AT[-1] + 1.0]])
     mass = sum(np.diff(norm.cdf(edges + turn, tracked, sigma)) for turn in (-360, 0, 360))
     np.testing.assert_allclose(np.exp(prior), mass, atol=1e-12)
     assert np.isfinite(prior).all()

@@ -29,9 +29,10 @@ def test_crossing_of_a_logistic_is_its_threshold(threshold, step):
     assert abs(np.log(place / threshold)) < bound
 
 
-def test_crossing_at_the_ends():
-    shares = [[0.96, 0.97, 0.98], [0.95, 0.95, 0.95], [0.1, 0.2, 0.949], [0.0, 0.0, 0.95]]
-    assert crossing(shares, [2, 4, 8]).tolist() == pytest.approx([2, 2, np.inf, 8])
+def test_crossing_at_the_ends_and_half_way():
+    shares = [[0.96, 0.97, 0.98], [0.1, 0.2, 0.949], [0.0, 0.0, 0.95], [0.0, 0.9, 1.0]]
+    places = [2, np.inf, 8, 4 * 2**0.5]
+    assert crossing(shares, [2, 4, 8]).tolist() == pytest.approx(places)
 
 
 @given(st.integers(0, 2**32 - 1))
