@@ -1,6 +1,7 @@
 """The aspect prior from a track equals integrals of the normal density."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import logsumexp
@@ -80,3 +81,16 @@ def test_a_track_tells_ships_apart_that_look_alike_at_other_aspects():
     prior = aspect_prior(aspects, names, [12.0], sigma=5.0)
     assert templates.posterior(means[:1], 1, log_prior=prior)[0, 0] > 0.95
     assert templates.predict(means[:1], 1, log_prior=prior) == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("sigma", -1.0), ("sigma", np.nan), ("aspect", [0.0, 0.0]), ("aspect", [0.0])),
+        *(("tracked", 3.0), ("tracked", [np.inf])),
+    ],
+)
+def test_wrong_arguments_are_refused(name, value):
+    good = {"aspect": [0.0, 10.0], "labels": ["a", "a"], "tracked": [3.0], "sigma": 1.0}
+    with pytest.raises(ValueError, match=f"^{name}"):
+        aspect_prior(**(good | {name: value}))

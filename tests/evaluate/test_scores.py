@@ -53,22 +53,6 @@ def test_an_edge_missed_by_rounding_is_the_edge():
     np.testing.assert_array_equal(aspect_bins([0.0, just_below, just_above])[1], [0, 1, 2])
 
 
-def test_accuracy_is_counted_bin_by_bin():
-    rng = np.random.default_rng(0)
-    correct = rng.random((3, 4, 4, 31)) < 0.7  # pulse width, frame count, ship, aspect
-    score = accuracy_by_aspect(correct, GRID)
-    assert score.labels == ("0-27", "30-57", "60-90", "overall")
-    assert score.fraction.shape == score.ci_low.shape == score.n.shape == (3, 4, 4)
-    for bin_, inside in enumerate([GRID < 30, (GRID >= 30) & (GRID < 60), GRID >= 60, GRID >= 0]):
-        np.testing.assert_allclose(
-            score.fraction[..., bin_], correct[..., inside].mean(axis=(-2, -1)), rtol=1e-15
-        )
-        assert np.all(score.n[..., bin_] == 4 * inside.sum())
-    low, high = wilson_interval(np.rint(score.fraction * score.n), score.n)
-    np.testing.assert_array_equal(score.ci_low, low)
-    np.testing.assert_array_equal(score.ci_high, high)
-
-
 def test_what_has_no_answer_is_not_counted():
     rng = np.random.default_rng(0)
     correct, answered = rng.random((2, 3, 4, 31)) < 0.6

@@ -68,9 +68,6 @@ GOOD = {
     "classify.cluster": {"similarities": SIMILARITIES, "vigilance": 0.9, "order": np.arange(3)},
     "classify.Similarities.of": PIECES,
     "classify.label_posterior": {"scores": np.zeros((2, 4)), "labels": list("abcd")},
-    "classify.aspect_prior": {
-        **{"aspect": [0.0, 10.0], "labels": ["a", "a"], "tracked": [3.0], "sigma": 1.0},
-    },
     "evaluate.wilson_interval": {"successes": 1, "trials": 3},
     "evaluate.aspect_bins": {"aspects": [3.0]},
     "evaluate.accuracy_by_aspect": {"correct": np.zeros((4, 3), bool), "aspects": [0.0, 3.0, 6.0]},
@@ -271,9 +268,6 @@ OTHERS = {
         **{"image": [np.zeros(4), np.zeros((0, 4))], "contrast": [None, -1.0]},
     },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
-    "classify.aspect_prior": {
-        **{"aspect": [[0.0, 0.0], [0.0]], "tracked": [3.0, [INF]], "sigma": [-1.0, NAN]},
-    },
     "evaluate.wilson_interval": {"confidence": [0.0, 1.0, 95.0, NAN]},
     "evaluate.accuracy_by_aspect": {
         "correct": [np.ones((4, 3)), np.ones((4, 2), bool), np.ones(3, bool)],

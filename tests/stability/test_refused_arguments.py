@@ -55,7 +55,6 @@ ARRAYS = {
     "classify.cluster": ("order",),
     "classify.label_posterior": ("scores", "labels"),
     "classify.Similarities.of": ("training", "tests"),
-    "classify.calibration.fit_temperature_and_outliers": ("scores", "labels", "truth"),
     "evaluate.aspect_bins": ("aspects",),
     "evaluate.category_formation": ("labels", "ships", "aspects"),
     "evaluate.open_set_scores": ("similarity", "correct", "known"),

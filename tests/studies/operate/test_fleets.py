@@ -5,7 +5,6 @@ import math
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from studies.operate.fleets import (
@@ -14,7 +13,7 @@ from studies.operate.fleets import (
     fleet_shares,
     views_of_ships,
 )
-from studies.operate.matching import log_evidence, ship_evidence
+from studies.operate.matching import log_evidence
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 5))
@@ -34,12 +33,6 @@ def test_evidence_is_a_gaussian_density_up_to_a_constant_of_each_sample(seed, ga
     ).T
     difference = (evidence - evidence[:, :1]) - (exact - exact[:, :1])
     assert np.abs(difference).max() < 1e-4
-
-
-def test_a_ship_has_the_mean_density_of_its_templates():
-    evidence = 30 * np.random.default_rng(0).standard_normal((6, 12)).astype("f4")
-    exact = logsumexp(evidence.reshape(6, 3, 4).astype("f8"), axis=2) - math.log(4)
-    assert np.allclose(ship_evidence(evidence, 3), exact, atol=1e-4)
 
 
 def test_first_ships_are_nominal_and_variants_follow_by_number():

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.stats import chi2, kstest
 
 from studies.reproduction.agreement import (
+    Posterior,
     binomial_variance,
     chi_square,
     measure_reach,
@@ -80,22 +79,10 @@ def test_all_settings_are_left_where_nothing_tells_them_apart():
         assert posterior.temperature == 1
 
 
-@given(
-    st.lists(st.tuples(st.integers(0, 5), st.floats(-9, 9)), min_size=2, max_size=12),
-    st.floats(0.01, 0.99),
-)
-def test_weighted_quantiles_are_those_of_repeated_values(rows, share):
-    """It is the quantile of a list that has each value as often as its whole weight."""
-    counts, values = np.array(rows).T
-    if counts.sum() == 0 or (share * counts.sum()) % 1 < 1e-9:
-        return  # no weight, or a step, of which rounding decides the side
-    posterior = posterior_weights(np.zeros(len(values)))
-    posterior = type(posterior)(counts / counts.sum(), 1.0)
-    repeated = np.sort(np.repeat(values, counts.astype(int)))
-    expected = repeated[int(share * len(repeated))]
-    assert posterior.quantiles(values, [share])[0] == expected
-    columns = posterior.quantiles(np.column_stack([values, -values]), [share])
-    assert columns.shape == (1, 2) and columns[0, 0] == expected
+def test_quantiles_count_values_by_their_weight():
+    posterior = Posterior(np.array([0.1, 0.2, 0.7]), 1.0)
+    columns = np.array([[1.0, 9.0], [2.0, 8.0], [3.0, 7.0]])
+    assert posterior.quantiles(columns, [0.2, 0.5]).tolist() == [[2.0, 7.0], [3.0, 7.0]]
 
 
 def test_figures_that_no_setting_reaches_are_counted_by_hand():

@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from ncti.article import SHIPS
 from ncti.infrared.imager import Imager
-from ncti.ladar import frame_moments, range_extent, sample_frames
+from ncti.ladar import frame_moments, range_extent
 from ncti.render import line_image
 from ncti.ships import load
 from studies.reproduction.categories import acn_scores, presentation_orders
@@ -71,45 +71,6 @@ def test_averages_have_the_moments_of_frames_and_share_their_first():
     pairs = (off[:, 1, 1:] * off[:, 1, :-1]).mean(axis=0) * frames[1]
     error = np.sqrt((variance[1:] * variance[:-1] + np.diag(covariance, 1) ** 2) / count)
     assert (np.abs(pairs - np.diag(covariance, 1)) < 5 * error).all()
-
-
-def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one():
-    """The largest cosine names a view, from four frames, which are the least normal.
-
-    Shares of two samples of answers to the same views differ by less than four errors.
-    """
-    views = [(name, aspect) for name in SHIPS for aspect in (0.0, 30.0, 60.0, 90.0)]
-    signal = {"pulse_width": 30e-9, "cnr": 60.0, "target_free_ifovs": 0}
-    extents = [extent(*view) for view in views]
-    templates = np.array([frame_moments(ship_extent, **signal)[0] for ship_extent in extents])
-    templates -= templates[:, :20].mean(axis=1, keepdims=True)
-    templates /= np.linalg.norm(templates, axis=1, keepdims=True)
-    truth = np.arange(len(views))[:, None]
-    count = 150
-
-    def shares(averages):
-        above = averages - averages[..., :20].mean(axis=-1, keepdims=True)
-        return ((above @ templates.T).argmax(axis=-1) == truth).mean(axis=1)
-
-    rng = np.random.default_rng(4)
-    normal = np.array(
-        [
-            averaged_profiles(ship_extent, **signal, frame_counts=(4,), draws=count, rng=rng)[:, 0]
-            for ship_extent in extents
-        ]
-    )
-    sampled = np.array(
-        [
-            sample_frames(ship_extent, **signal, frame_count=4 * count, rng=rng)
-            .reshape(count, 4, -1)
-            .mean(axis=1)
-            for ship_extent in extents
-        ]
-    )
-    normal_shares, sampled_shares = shares(normal), shares(sampled)
-    spread = normal_shares * (1 - normal_shares) + sampled_shares * (1 - sampled_shares)
-    error = np.sqrt(spread.mean() / count / len(views))
-    assert abs((normal_shares - sampled_shares).mean()) < 4 * error
 
 
 def test_percent_by_bin_is_counted_by_hand():

@@ -54,15 +54,6 @@ def test_every_target_is_detected_or_not_and_every_detection_is_of_something(sca
 
 
 def test_time_is_the_closed_form_of_the_visits(scan):
-    edge = scan.visit.where(scan.source > -2, 0)
-    columns, rows = (
-        (edge.sel(edge=last) - edge.sel(edge=first)) // 2
-        for first, last in (("left", "right"), ("bottom", "top"))
-    )
-    places = (columns * rows).sum("detection")
-    np.testing.assert_allclose(
-        scan.dwelling, (places * scan.frame_count / 1000).transpose(*scan.dwelling.dims)
-    )
     visits = (scan.source > -2).sum("detection")
     np.testing.assert_allclose(scan.slewing.isel(frame_count=0), 0.1 * visits)
     field = {"width": np.radians(3), "height": np.radians(2)}
