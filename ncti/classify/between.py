@@ -81,6 +81,7 @@ def alternate_templates(
     The neighbours are a mask (left out, kept) of the two nearest of the same label. Labels with
     fewer than five templates keep all, because the curvature of the remaining two would be unknown.
     """
+    aspects = aspects % CIRCLE
     left_out = np.zeros(len(names), dtype=bool)
     for _, rows in rows_by_label(names, aspects):
         if len(rows) >= 2 * MIN_CURVED - 1:
