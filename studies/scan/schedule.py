@@ -84,7 +84,7 @@ class Rates:
 
     `detector` and `imager_pixels` count elements along a side; the laser radar takes one frame a
     pulse, at `pulse_rate` [Hz], the imager `imager_frames` at `frame_rate` [Hz]; either moves in
-    `slew_time` [s].
+    `slew_time` [s], and a step within a visit takes no time.
     """
 
     detector: int
