@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -13,22 +12,12 @@ from ncti.ships.build import Ship
 
 
 def read(path: Path) -> Ship | None:
-    """Return the ship in a file, bit for bit as written.
-
-    None if it is absent, damaged or another user's.
-    """
+    """Return the ship in a file, bit for bit as written; None if it is absent or damaged."""
     try:
-        if hasattr(os, "geteuid") and path.stat().st_uid != os.geteuid():
-            return None
-        with zipfile.ZipFile(path) as archive:
-            if archive.testzip() is not None:  # every byte against its checksum
-                return None
-        with np.load(path, allow_pickle=False) as file:
-            ship = Ship(file["vertices"], file["faces"], float(file["loa"]), float(file["beam"]))
+        with np.load(path, allow_pickle=False) as file:  # which compares checksums
+            return Ship(file["vertices"], file["faces"], float(file["loa"]), float(file["beam"]))
     except Exception:  # a damaged file may raise anything
         return None
-    kinds = (ship.vertices.dtype, ship.faces.dtype)
-    return ship if kinds == (np.float64, np.int32) and ship.faces.ndim == 2 else None
 
 
 def write(path: Path, ship: Ship) -> None:
