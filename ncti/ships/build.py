@@ -111,8 +111,7 @@ def _single_copy(sheet: Sheet, component: Component) -> Manifold:
             if edge is not None:
                 pitch = sizes["pitch"]
                 sizes["path"] = fittings.edge_path(sheet.hull, edge, inset=inset, pitch=pitch)
-            fence = fittings.rail if component.prim == "rail" else fittings.net
-            return fence(**sizes)
+            return fittings.fence(component.prim, **sizes)
         case "windows":
             return _windows(sheet, component)
     return _primitive(component, min(HOUSE_SINK, sizes.get("height", 0.0) / 4))

@@ -10,6 +10,13 @@ from manifold3d import Manifold
 from ncti.ships.hull import Hull
 from ncti.ships.lofting import Points, loft, tube, union
 
+# Heights of the bars, radii of posts and bars [m], and sides of the bars: life-lines are 40 mm
+# stanchions and three 15 mm wires; a safety net, raised on its frames, is 10 to 20 % solid.
+FENCES = {
+    "rail": ((0.33, 0.66, 0.98), 0.028, 0.01, 3),
+    "net": ((0.1, 0.4, 0.7, 0.98), 0.05, 0.03, 4),
+}
+
 
 def edge_path(hull: Hull, edge: tuple[float, float], *, inset: float, pitch: float) -> Points:
     """(n, 3) path of points `pitch` [m] apart, `inset` [m] inboard of the starboard deck edge."""
@@ -28,33 +35,14 @@ def _stretch(path: Points, pitch: float) -> Points:
     return np.concatenate(nodes)
 
 
-def _fence(
-    path: Points,
-    height: float,
-    pitch: float,
-    *,
-    levels: tuple[float, ...],
-    post: float,
-    bar: float,
-    sides: int,
-) -> Manifold:
+def fence(kind: str, *, path: Points, height: float, pitch: float) -> Manifold:
+    """Return a "rail" or a "net" of `FENCES` along a path."""
+    levels, post, bar, sides = FENCES[kind]
     nodes = _stretch(path, pitch)
     up = np.array([0.0, 0.0, 1.0])
     posts = [tube([node - 0.2 * up, node + height * up], post, sides=4) for node in nodes]
     bars = [tube(nodes + level * height * up, bar, sides=sides) for level in levels]
     return union(posts + bars)
-
-
-def rail(*, path: Points, height: float, pitch: float) -> Manifold:
-    """Return life-lines: 40 mm stanchions and three 15 mm wires."""
-    levels = (0.33, 0.66, 0.98)
-    return _fence(path, height, pitch, levels=levels, post=0.028, bar=0.01, sides=3)
-
-
-def net(*, path: Points, height: float, pitch: float) -> Manifold:
-    """Return a safety net raised on its frames, 10 to 20 % solid."""
-    levels = (0.1, 0.4, 0.7, 0.98)
-    return _fence(path, height, pitch, levels=levels, post=0.05, bar=0.03, sides=4)
 
 
 def bulwark(

@@ -73,16 +73,14 @@ class Variant:
     @classmethod
     def parse(cls, name: str) -> Variant | None:
         """Return the variant that a name with '@' stands for, or None; refuse malformed ones."""
-        factors = r"(?:x([\d.]{1,10}))?(?:s([\d.]{1,10}))?"
-        match = re.fullmatch(rf"([^@]*)@(\d{{1,18}})\.(\d{{1,18}}){factors}", name)
+        decimal = r"(\d{1,8}(?:\.\d{1,8})?)"
+        pattern = rf"([^@]*)@(\d{{1,18}})\.(\d{{1,18}})(?:x{decimal})?(?:s{decimal})?"
+        match = re.fullmatch(pattern, name)
         if match is None:
             return None
         base, seed, number, scale, size = match.groups(default="1")
-        try:
-            variant = cls(base, int(seed), int(number), float(scale), float(size))
-        except ValueError:
-            variant = None
-        if variant is None or str(variant) != name or variant.number < 1:
+        variant = cls(base, int(seed), int(number), float(scale), float(size))
+        if str(variant) != name or variant.number < 1:
             raise variant_error(name)
         for key, factor, low, high in (
             ("scale", variant.scale, MIN_SIGMA_SCALE, MAX_SIGMA_SCALE),

@@ -100,12 +100,6 @@ def _checked_mapping(
 
 
 def _sizes(where: str, prim: str, entry: Mapping[str, Any]) -> dict[str, Any]:
-    spec = PRIMITIVES[prim]
-    for key in sorted(spec.needs - entry.keys()):
-        raise ShipError(f"{where}: '{key}' is missing; {prim} needs {spec.describe()}.")
-    for key in sorted(entry.keys() - spec.needs - spec.may, key=str):
-        known = ", ".join(sorted(spec.needs | spec.may))
-        raise ShipError(f"{where}: {short_repr(key)} is not a key of {prim}, which knows {known}.")
     sizes = {KEYS[key].parameter: _value(where, key, entry[key], KEYS[key].check) for key in entry}
     if prim == "bulwark" and sizes["end"] <= sizes["edge"][1]:
         raise ShipError(f"{where}: 'x_end' is {sizes['end']:g}, but must be aft of 'edge'.")
@@ -141,7 +135,8 @@ def _template_part(where: str, part: Any) -> Part:
         _value(where, key, value, checks.number)
         for key, value in zip("uvw", part[1:4], strict=True)
     )
-    return Part(prim, position, _sizes(where, prim, _mapping(where, part[4], frozenset())))
+    sizes = _checked_mapping(where, part[4], (PARTS[prim].needs, PARTS[prim].may))
+    return Part(prim, position, _sizes(where, prim, sizes))
 
 
 def _component(where: str, value: Any, templates: Mapping[str, Any]) -> Component | None:
@@ -150,17 +145,14 @@ def _component(where: str, value: Any, templates: Mapping[str, Any]) -> Componen
     where = f"{where} {short_repr(name)}"
     place_sigma, size_sigma = _uncertainty(_value(where, "src", entry["src"], checks.text))
     prim = _prim(where, entry["prim"], PRIMITIVES)
-    place = PRIMITIVES[prim].place
-    for key in place:
-        if key not in entry:
-            needs = PRIMITIVES[prim].describe()
-            raise ShipError(f"{where}: '{key}' is missing; {prim} needs {needs}.")
+    needs, may, place = PRIMITIVES[prim].needs, PRIMITIVES[prim].may, PRIMITIVES[prim].place
+    copies = COPIES if place == "xyz" else frozenset({"mirror"})
+    required = needs | {"name", "prim", "src", *place}
+    _checked_mapping(where, entry, (required, may | REMARKS | copies))
     x, y, z = (
         _value(where, key, entry[key], checks.number) if key in place else 0.0 for key in "xyz"
     )
-    copies = COPIES if place == "xyz" else frozenset({"mirror"})
-    other = entry.keys() - REMARKS - copies - set(place)
-    sizes = _sizes(where, prim, {key: entry[key] for key in entry if key in other})
+    sizes = _sizes(where, prim, {key: entry[key] for key in entry if key in needs | may})
     if prim == "eq" and sizes["template"] not in templates:
         known = ", ".join(sorted(templates))
         raise ShipError(

@@ -23,13 +23,22 @@ def _round_sides(radius: float) -> int:
     return int(np.select([radius < 0.1, radius < 0.25, radius < 0.5], [8, 12, 16], 32))
 
 
-def _rectangle(length: float, width: float, height: float, shift: float = 0.0) -> Points:
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
-    plan = corners * [length, width] + [shift, 0]
-    return np.column_stack([plan, np.full(4, height)])
+# Sections of length and width 1.
+SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / 2
+_ANGLE = 2 * np.pi * np.arange(48) / 48
+CIRCLE = np.column_stack([np.cos(_ANGLE), np.sin(_ANGLE)]) / 2
 
 
-def box(
+def _section(
+    length: float, width: float, height: float, shift: float = 0.0, shape: Points = SQUARE
+) -> Points:
+    """Return the corners of a level section at a height: a rectangle, or another shape."""
+    plan = shape * [length, width] + [shift, 0]
+    return np.column_stack([plan, np.full(len(shape), height)])
+
+
+def _frustum(
+    shape: Points,
     *,
     length: float,
     width: float,
@@ -37,53 +46,28 @@ def box(
     top_length: float | None = None,
     top_width: float | None = None,
     top_shift: float = 0.0,
-    yaw: float = 0.0,
     sink: float = 0.0,
-) -> Manifold:
+) -> Points:
+    """Return the lowest and the highest section of a tapered solid."""
+    wider = 0.0 if top_width is None else top_width - width
+    longer = 0.0 if top_length is None else top_length - length
+    return np.array(
+        [
+            _section(length + t * longer, width + t * wider, t * height, t * top_shift, shape)
+            for t in (-sink / height, 1.0)
+        ]
+    )
+
+
+def box(*, yaw: float = 0.0, **sizes: float) -> Manifold:
     """Return a box or frustum on its base; `yaw` [deg] turns it as an azimuth, 90 to starboard."""
-    top_length = length if top_length is None else top_length
-    top_width = width if top_width is None else top_width
-    under = -sink / height
-    rings = [
-        _rectangle(
-            length + t * (top_length - length),
-            width + t * (top_width - width),
-            t * height,
-            t * top_shift,
-        )
-        for t in (under, 1.0)
-    ]
     cos, sin = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
-    return loft(np.array(rings) @ [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    return loft(_frustum(SQUARE, **sizes) @ [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
 
 
 def prism(*, shape: str = "box", **sizes: float) -> Manifold:
     """Return a tapered tower; `shape` "oval" gives it an elliptical section (a mack)."""
-    return box(**sizes) if shape == "box" else _oval_tower(**sizes)
-
-
-def _oval_tower(
-    *,
-    length: float,
-    width: float,
-    height: float,
-    top_length: float,
-    top_width: float,
-    top_shift: float = 0.0,
-    sink: float = 0.0,
-) -> Manifold:
-    angle = 2 * np.pi * np.arange(48) / 48
-    rings = [
-        np.column_stack(
-            [
-                (length + t * (top_length - length)) / 2 * np.cos(angle) + t * top_shift,
-                (width + t * (top_width - width)) / 2 * np.sin(angle),
-                np.full(48, t * height),
-            ]
-        )
-        for t in (-sink / height, 1.0)
-    ]
-    return loft(rings)
+    return loft(_frustum(CIRCLE if shape == "oval" else SQUARE, **sizes))
 
 
 def house_plan(
@@ -144,7 +128,7 @@ def yard(*, width: float, radius: float) -> Manifold:
 
 def beam(*, length: float, width: float, height: float, elevation: float = 0.0) -> Manifold:
     """Return a rectangular beam whose axis starts at the origin and rises at `elevation` [deg]."""
-    section = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
+    section = _section(height, width, 0.0)[:, [2, 1, 0]]
     far = section + np.array([length, 0, 0])
     return loft(pitch_points(np.array([section, far]), elevation))
 
@@ -168,7 +152,7 @@ def drum(*, length: float, radius: float, elevation: float = 0.0) -> Manifold:
 
 def plate(*, width: float, height: float, thickness: float, tilt: float = 0.0) -> Manifold:
     """Return a flat antenna about its centre, leaned back by `tilt` [deg]."""
-    face = _rectangle(height, width, 0.0)[:, [2, 1, 0]]
+    face = _section(height, width, 0.0)[:, [2, 1, 0]]
     half = np.array([thickness / 2, 0, 0])
     return loft(pitch_points(np.array([face - half, face + half]), tilt))
 
@@ -242,8 +226,8 @@ class Lattice:
 
     def solid(self) -> Manifold:
         """Return the union of legs, braces and girths."""
-        base = _rectangle(self.length, self.width, 0.0)
-        top = _rectangle(self.top_length, self.top_width, self.height, self.top_shift)
+        base = _section(self.length, self.width, 0.0)
+        top = _section(self.top_length, self.top_width, self.height, self.top_shift)
         if self.legs == 3:  # one leg forward, two aft
             base = np.array([base[[0, 3]].mean(axis=0), base[1], base[2]])
             top = np.array([top[[0, 3]].mean(axis=0), top[1], top[2]])

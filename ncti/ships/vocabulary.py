@@ -66,10 +66,6 @@ class Primitive(NamedTuple):
     stands: bool = False  # on something, into which its base is sunk
     cuts: bool = False  # takes material away
 
-    def describe(self) -> str:
-        """Return the keys, for a message."""
-        return ", ".join([*self.place, *sorted(self.needs)])
-
 
 def _primitive(needs: str, may: str = "", **flags: Any) -> Primitive:
     return Primitive(frozenset(needs.split()), frozenset(may.split()), **flags)

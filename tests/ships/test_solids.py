@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from shipyard import bounds, packaged_sheet
 
 from ncti.ships import solids
-from ncti.ships.lofting import loft
 
 SIZE = st.floats(0.1, 20)
 
@@ -50,14 +49,6 @@ def test_sphere_and_ellipsoid_fill_their_volume_to_one_percent() -> None:
     np.testing.assert_allclose(bounds(egg)[1], [1, 2, 3])
 
 
-def test_barrel_points_ahead_and_up() -> None:
-    barrel = solids.barrel(length=10, radius=0.1, elevation=30)
-    tip = bounds(barrel)[1]
-    assert tip[0] == pytest.approx(10 * np.cos(np.radians(30)), abs=0.1)
-    assert tip[2] == pytest.approx(10 * np.sin(np.radians(30)), abs=0.1)
-    assert barrel.volume() == pytest.approx(np.pi * 0.01 * 10 * polygon_share(12))
-
-
 def test_dish_is_hollow_towards_where_it_looks() -> None:
     dish = solids.dish(radius=1.2, depth=0.5)
     low, high = bounds(dish)
@@ -77,13 +68,6 @@ def test_lattice_stands_on_its_legs(legs) -> None:
     low, high = bounds(mast)
     assert low[2] == pytest.approx(-0.3, abs=0.02)
     assert high[2] == pytest.approx(10.1, abs=0.02)
-
-
-def test_loft_turns_its_facets_outward_whatever_the_sense_of_its_rings() -> None:
-    ring = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    prism = np.array([ring, ring + np.array([0, 0, 1])])
-    assert loft(prism).volume() == pytest.approx(1)
-    assert loft(prism[:, ::-1]).volume() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("name", ["duncan", "spruance", "texas"])
