@@ -18,14 +18,12 @@ from ncti.ships.surfaces import (
     Surface,
     components,
     neighbours,
-    next_edges,
     openings,
     surface_of,
     triangle_areas,
 )
 from ncti.ships.welding import WELD_DISTANCE, count_text, weld_surface
 
-MAX_OPENINGS = 10_000  # to which planes are fitted
 MAX_OPEN = 0.05  # of the surface, up to which openings are closed on request
 MIN_THICKNESS = 1e-7  # volume over surface and longest extent, up to which a body has no inside
 MAX_EXCESS = 1e-6  # of a body's volume, which rounding leaves outside the body around it
@@ -204,13 +202,6 @@ def _weld(surface: Surface, work: RepairContext) -> Surface:
 
 def _close_openings(surface: Surface, work: RepairContext) -> Surface:
     """Return a split surface with its openings closed; refuse openings that may not be closed."""
-    corner, edges = surface.faces.ravel(), surface.open_edges
-    rim, ends = np.unique([corner[edges], corner[next_edges(edges)]], return_inverse=True)
-    starts, stops = ends.reshape(2, -1)
-    number = int(components(starts, stops, len(rim)).max()) + 1
-    if number > MAX_OPENINGS:
-        edges_text = f"{len(edges):,} edges in {number:,} openings"
-        raise ShipError(f"{work.where} is open along {edges_text}, but must be a closed surface.")
     holes = openings(surface)
     distance = WELD_DISTANCE * float(np.ptp(surface.vertices, axis=0).max())
     wide = np.flatnonzero(2 * holes.areas > distance * holes.perimeters)

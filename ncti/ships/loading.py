@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import stat
 from dataclasses import dataclass, field, replace
 from functools import cache as memoised
 from functools import lru_cache
 from importlib import metadata, resources
-from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from platformdirs import user_cache_path
 
+from ncti.checks import require
 from ncti.ships import cache as store
-from ncti.ships import checks, meshes, sheets
+from ncti.ships import meshes, sheets
 from ncti.ships.build import Ship, build
 from ncti.ships.drawing import figure, measures
 from ncti.ships.errors import ShipError, short_repr
@@ -161,7 +160,7 @@ def load(
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
         and `beam` [m], which for a sheet are those of the hull without overhanging parts,
         `findings`, `suggested_transform` and `faults` of `describe`, and `variant_of`, the ship of
-        a variant, or None. Notebooks show its silhouette with these.
+        a variant, or None.
 
     Raises
     ------
@@ -275,19 +274,12 @@ def variants(
     """
     if name not in names():
         raise ShipError(f"name {short_repr(name)} must be one of {', '.join(names())}.")
-    for key, value, lowest in (("count", count, 1), ("seed", seed, 0)):
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, Integral)
-            or not lowest <= value < 10**18
-        ):
-            raise ShipError(
-                f"{key} {short_repr(value)} must be a whole number of at least {lowest}."
-            )
     try:
-        scale = checks.number(scale, low=MIN_SIGMA_SCALE, high=MAX_SIGMA_SCALE)
-    except checks.RefusedValueError as allowed:
-        raise ShipError(f"scale is {short_repr(scale)}, but must be {allowed}.") from None
+        require("count", count, whole=True, minimum=1)
+        require("seed", seed, whole=True, minimum=0, below=1e18)
+        require("scale", scale, minimum=MIN_SIGMA_SCALE, maximum=MAX_SIGMA_SCALE)
+    except ValueError as error:
+        raise ShipError(f"{error}.") from None
     labels = [str(Variant(name, int(seed), number, scale)) for number in range(1, int(count) + 1)]
     return tuple(load(label, cache=cache) for label in labels)
 
@@ -401,25 +393,24 @@ def describe(
     135.6 x 13.7 x 31.2 m, 43,672 facets
     >>> wrong = ncti.ships.describe("duncan", offset=[60, 0, 3])
     >>> wrong.findings
-    ('has its origin at the stern', 'floats 3.0 m above the water')
+    ('has its origin 60.0 m from amidships', 'floats 3.0 m above the water')
     >>> wrong.suggested_transform.is_identity
     True
     """
-    source = _find_source(name_or_path)
     transform = Transform(up=up, forward=forward, scale=scale, offset=offset, repair=repair)
-    ship, diagnosis, faults = _ship_solid(source, transform, cache)
+    ship = ship_mesh(name_or_path, transform, cache=cache)
     length, beam, height = (float(extent) for extent in np.ptp(ship.vertices, axis=0))
     return Description(
-        source.name,
+        ship.metadata["name"],
         length,
         beam,
         height,
         len(ship.faces),
         ship.vertices,
         ship.faces,
-        diagnosis.findings,
-        diagnosis.suggested_transform,
-        faults,
+        ship.metadata["findings"],
+        ship.metadata["suggested_transform"],
+        ship.metadata["faults"],
     )
 
 
@@ -508,11 +499,8 @@ def _find_source(name_or_path: str | Path) -> _Source:
     _check_label(path)
     try:
         return _Source(path.stem, suffix, _read_content(path, MAX_MEGABYTES[suffix]))
-    except ShipError:
-        raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ShipError(f"ship file '{path}' cannot be read: {reason}.") from None
+    except OSError as error:
+        raise ShipError(f"ship file '{path}' cannot be read: {error.strerror}.") from None
 
 
 def _check_label(path: Path) -> None:
@@ -527,26 +515,17 @@ def _check_label(path: Path) -> None:
 
 def _read_content(path: Path, megabytes: int) -> bytes:
     """Return the content of a regular file; reading a pipe or device might never end."""
-    if not stat.S_ISREG(path.stat().st_mode):
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
         raise ShipError(f"ship file '{path}' is no regular file, but must be one.")
-    max_bytes = megabytes * 10**6
-    with open(path, "rb", opener=_open_without_waiting) as file:
-        size = os.fstat(file.fileno()).st_size
-        content = file.read(max_bytes + 1) if size <= max_bytes else b""
-    if max(size, len(content)) > max_bytes:
+    if status.st_size > megabytes * 10**6:
         raise ShipError(
-            f"ship file '{path}' has {max(size, len(content))} bytes, "
+            f"ship file '{path}' has {status.st_size} bytes, "
             f"but may have at most {megabytes} million."
         )
-    return content
+    return path.read_bytes()
 
 
-def _open_without_waiting(path: str, flags: int) -> int:
-    # A pipe may have replaced the file since the check.
-    return os.open(path, flags | os.O_NONBLOCK)
-
-
-@memoised
 def _templates() -> bytes:
     return _packaged_sheet("templates")
 

@@ -20,10 +20,7 @@ if TYPE_CHECKING:
     import trimesh
 
 MIN_EXTENT, MAX_EXTENT = 1.0, 1000.0  # extent of anything that may pass for a ship in metres [m]
-
-
 UNITS = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
-UNITS["kilometres"] = 1000.0
 MIN_SHIP_LENGTH, MAX_SHIP_LENGTH = 10.0, 460.0  # [m]; bounds for guessing the unit
 
 
@@ -51,26 +48,7 @@ def read(data: bytes, suffix: str, transform: Transform, *, where: str) -> Place
     a file that is corrupt, or a mesh that is empty, not finite, not in metres, open, one-sided,
     without inside, or under water.
     """
-    parts = _to_ship_frame(_parts(data, suffix, where), transform, where)
-    bodies, faults = _bodies(parts, transform, where)
-    return _clip_to_water(bodies, transform, where, faults)
-
-
-def place(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
-) -> PlacedMesh:
-    """Return a built ship, whose surface is closed, after a transform; raises as `read` does."""
-    import trimesh
-
-    (ship,) = _to_ship_frame([trimesh.Trimesh(vertices, faces, process=False)], transform, where)
-    body = Body(np.asarray(ship.vertices), np.asarray(ship.faces))
-    return _clip_to_water([body], transform, where, ())
-
-
-def _to_ship_frame(
-    parts: list[trimesh.Trimesh], transform: Transform, where: str
-) -> list[trimesh.Trimesh]:
-    """Return transformed geometries; refuse sizes that no ship has."""
+    parts = _parts(data, suffix, where)
     if not transform.is_identity:
         with np.errstate(all="ignore"):  # coordinates that are not finite are refused below
             for part in parts:
@@ -80,9 +58,18 @@ def _to_ship_frame(
     corners = [part.vertices[part.faces.ravel()] for part in parts if len(part.faces)]
     if not corners:
         raise ShipError(f"{where} is empty, but must have facets.")
-    extent = float(np.ptp(np.concatenate(corners), axis=0).max())
-    _check_size(extent, transform.scale, where)
-    return parts
+    _check_size(np.concatenate(corners), transform.scale, where)
+    bodies, faults = _bodies(parts, transform, where)
+    return _clip_to_water(bodies, transform, where, faults)
+
+
+def place(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], transform: Transform, *, where: str
+) -> PlacedMesh:
+    """Return a built ship, whose surface is closed, after a transform; raises as `read` does."""
+    vertices = transform.apply(vertices)
+    _check_size(vertices, transform.scale, where)
+    return _clip_to_water([Body(vertices, faces.astype(np.int64))], transform, where, ())
 
 
 def _bodies(
@@ -138,8 +125,9 @@ def _clip_to_water(
     )
 
 
-def _check_size(extent: float, scale: float, where: str) -> None:
+def _check_size(corners: NDArray[np.float64], scale: float, where: str) -> None:
     """Refuse a mesh too small or large for a ship in metres, and suggest fitting units."""
+    extent = float(np.ptp(corners, axis=0).max())
     if MIN_EXTENT <= extent <= MAX_EXTENT:
         return
     guesses = ", ".join(
@@ -158,30 +146,17 @@ def _parts(data: bytes, suffix: str, where: str) -> list[trimesh.Trimesh]:
     import trimesh
 
     kind = suffix.removeprefix(".")
-    try:
-        scene = trimesh.load_scene(_stream(data, kind), file_type=kind, process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # parsers raise anything on a corrupt file
-        raise ShipError(f"{where} cannot be read as {kind.upper()}: {error!s:.80}.") from None
-    if not parts:
-        raise ShipError(f"{where} is empty, but must have facets.")
-    return parts
-
-
-def _stream(data: bytes, kind: str) -> io.BytesIO | io.StringIO:
-    """Return the file as a stream for trimesh: text formats as text.
-
-    Names and comments in other encodings than UTF-8 are read as Latin-1, in which any bytes are
-    text; the geometry itself is ASCII in both.
-    """
     # A binary STL has a header of 80 bytes, a count and facets of 50 bytes.
     is_binary_stl = len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
     if kind == "glb" or (kind == "stl" and is_binary_stl):
-        return io.BytesIO(data)
+        stream: io.BytesIO | io.StringIO = io.BytesIO(data)
+    else:  # names and comments may be in any encoding; the geometry is ASCII
+        stream = io.StringIO(data.decode("utf-8-sig", errors="replace"))
     try:
-        return io.StringIO(data.decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        return io.StringIO(data.decode("latin-1"))
+        scene = trimesh.load_scene(stream, file_type=kind, process=False)
+        return [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+    except Exception as error:  # parsers raise anything on a corrupt file
+        raise ShipError(f"{where} cannot be read as {kind.upper()}: {error!s:.80}.") from None
 
 
 def _merge_vertices(mesh: Any) -> trimesh.Trimesh:

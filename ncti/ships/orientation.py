@@ -127,7 +127,7 @@ def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Float
     shift, findings = np.zeros(3), []
     if abs(middle[0]) > MAX_ORIGIN_OFFSET * length:
         shift[0] = -middle[0]
-        findings.append(_origin_fault(low[0], high[0]))
+        findings.append(f"has its origin {_distance(middle[0])} from amidships")
     if abs(middle[1]) > MAX_ORIGIN_OFFSET * beam:
         shift[1] = -middle[1]
         findings.append(f"has its origin {_distance(middle[1])} off its centreline")
@@ -140,13 +140,6 @@ def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Float
     return shift, findings
 
 
-def _origin_fault(low: float, high: float) -> str:
-    end, beyond = ("stern", low) if abs(low) < abs(high) else ("bow", -high)
-    if abs(beyond) <= MAX_ORIGIN_OFFSET * (high - low):
-        return f"has its origin at the {end}"
-    return f"has its origin {_distance((low + high) / 2)} from amidships"
-
-
 def _height_finding(low: float, high: float, up: str) -> list[str]:
     """Return the finding on a mesh whose ends in ship axes are both above z = 0, or both below.
 
@@ -154,9 +147,7 @@ def _height_finding(low: float, high: float, up: str) -> list[str]:
     ship would be under it.
     """
     if up[-1] != "z":
-        if low > 0:
-            return [f"has its origin {_distance(low)} below its lowest point"]
-        return [f"has its origin {_distance(high)} above its highest point"]
+        return []  # its own z axis is another one
     if up == "-z":
         low, high = -high, -low
     if high <= 0:

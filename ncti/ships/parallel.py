@@ -14,25 +14,23 @@ from ncti.ships.errors import ShipError
 from ncti.ships.loading import describe, is_built
 
 MAX_PROCESSES = 8
-"""Most processes by default: a login node has other users."""
+"""Most processes: a login node has other users."""
 
 
 def build_in_parallel(
     ships: Sequence[str],
     *,
     cache: str | Path,
-    processes: int | None = None,
     progress: Callable[[int], None] = lambda built: None,
 ) -> None:
     """Build named ships into a cache folder, in several processes including this one.
 
-    By default one process per processor, up to `MAX_PROCESSES`. Ships that cannot be built are
-    left out, since `describe` states the fault; so are the ships of a process that cannot start or
-    is killed. `progress` is called with the number of ships that are built, after each one of this
+    There is one process per processor, up to `MAX_PROCESSES`. Ships that cannot be built are left
+    out, since `describe` states the fault; so are the ships of a process that cannot start or is
+    killed. `progress` is called with the number of ships that are built, after each one of this
     process.
     """
-    max_processes = processes or min(processor_count(), MAX_PROCESSES)
-    count = max(1, min(max_processes, len(ships)))
+    count = max(1, min(processor_count(), MAX_PROCESSES, len(ships)))
     started: list[Popen[bytes]] = []
     try:
         with suppress(OSError):
@@ -41,7 +39,7 @@ def build_in_parallel(
                 started.append(Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL))
         for ship in ships[::count]:
             _build([ship], cache)
-            progress(sum(_is_built(name, cache) for name in ships))
+            progress(sum(is_built(name, cache=cache) for name in ships))
         for process in started:
             process.wait()
     finally:
@@ -57,14 +55,6 @@ def _build(ships: Sequence[str], cache: str | Path, parent: int | None = None) -
             return
         with suppress(ShipError):
             describe(ship, cache=cache)
-
-
-def _is_built(ship: str, cache: str | Path) -> bool:
-    """Return whether a cache has a ship; False if there is no such ship."""
-    try:
-        return is_built(ship, cache=cache)
-    except ShipError:
-        return False
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_each
+from ncti.checks import require, require_each, require_word
 from ncti.ships.errors import ShipError, short_repr
 
 AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -70,21 +70,18 @@ class Transform:
     repair: bool = False
 
     def __post_init__(self) -> None:
-        for name, axis in (("up", self.up), ("forward", self.forward)):
-            if not (isinstance(axis, str) and axis in AXES) and (name, axis) != ("forward", None):
-                raise ShipError(
-                    f"{name} is {short_repr(axis)}, but must be one of {', '.join(AXES)}."
-                )
-        forward = self.forward or _default_forward(self.up)
-        if forward[-1] == self.up[-1]:
-            raise ShipError(
-                f"forward is {forward!r}, but must be along another axis than up, {self.up!r}."
-            )
         try:
+            require_word("up", self.up, AXES)
+            forward = _default_forward(self.up) if self.forward is None else self.forward
+            require_word("forward", forward, AXES)
             require("scale", self.scale, minimum=MIN_SCALE, maximum=MAX_SCALE)
             require_each("offset", self.offset, 3, minimum=-MAX_OFFSET, maximum=MAX_OFFSET)
         except ValueError as error:
             raise ShipError(f"{error}.") from None
+        if forward[-1] == self.up[-1]:
+            raise ShipError(
+                f"forward is {forward!r}, but must be along another axis than up, {self.up!r}."
+            )
         if not isinstance(self.repair, bool):
             raise ShipError(f"repair is {short_repr(self.repair)}, but must be True or False.")
         # Added to 0.0, so that no -0.0 makes equal transforms differ.

