@@ -9,12 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.labels import labelled_array
 from ncti.render.view import View, cos_sin
 
 if TYPE_CHECKING:
-    import xarray as xr
-
     from ncti.render.pieces import Parts
 
 Floats = NDArray[np.float64]
@@ -190,30 +187,4 @@ class LineImage:
         depths = Depths(self.curvature, wavefront, float(near), float(bin_width), int(bin_count))
         return Parts(
             *bin_pieces(self.line, self.piece, area, self.spacing, self.phase, grid, depths)
-        )
-
-    def to_xarray(self) -> xr.Dataset:
-        """Return the pieces as an xarray data set with units."""
-        import xarray as xr
-
-        horizontal, vertical = self.cross_range()
-        ends = ("piece", "end")
-        return xr.Dataset(
-            {
-                "down_range": labelled_array(ends, self.down_range, "m", "down-range"),
-                "area": labelled_array("piece", self.area, "m2", "area it stands for"),
-            },
-            coords={
-                "line": labelled_array("piece", self.line, "1", "number of the line"),
-                "surface": labelled_array("piece", self.surface, "1", "surface seen"),
-                "horizontal": labelled_array(ends, horizontal, "m", "horizontal cross-range"),
-                "vertical": labelled_array(ends, vertical, "m", "vertical cross-range"),
-            },
-            attrs={
-                "aspect_deg": self.aspect,
-                "depression_deg": self.depression,
-                "roll_deg": self.roll,
-                "spacing_m": self.spacing,
-                "slant_range_m": np.inf if self.slant_range is None else self.slant_range,
-            },
         )

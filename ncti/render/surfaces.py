@@ -59,13 +59,7 @@ class Surfaces:
 
         It is an upper bound on the visible area of a closed mesh.
         """
-        projected = towards @ self._components
-        return float(np.maximum(projected, 0.0, out=projected).sum())
-
-    @cached_property
-    def _components(self) -> Floats:
-        """(3, surface): area vectors, contiguous in the order a product with a direction reads."""
-        return np.ascontiguousarray(self.area.T)
+        return float(np.maximum(self.area @ towards, 0.0).sum())
 
     @classmethod
     def of(cls, mesh: Mesh) -> Surfaces:
@@ -131,11 +125,9 @@ def _distinct_facets(faces: NDArray[np.integer]) -> tuple[NDArray[np.integer], N
     """
     first = np.argmin(faces, axis=1)[:, None]
     turned = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
-    order = np.lexsort(turned.T)
-    new = np.ones(len(faces), dtype=bool)
-    new[1:] = (turned[order[1:]] != turned[order[:-1]]).any(axis=1)
-    a, b, c = faces[order].T
-    numbers = np.sort(order[new & (a != b) & (b != c) & (c != a)])
+    numbers = np.sort(np.unique(turned, axis=0, return_index=True)[1])
+    a, b, c = faces[numbers].T
+    numbers = numbers[(a != b) & (b != c) & (c != a)]
     return faces[numbers], numbers
 
 
