@@ -28,7 +28,6 @@ UNITS = {
     }.items()
     for name in names.split()
 }
-OTHER_UNITS = {"m": ("km", 3), "s": ("ns", -9), "rad": ("urad", -6)}  # and their powers of ten
 
 
 class NothingSeenError(ValueError):
@@ -59,14 +58,9 @@ def require(
     except OverflowError:
         # An integer too large for a float; its digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
-
-    def in_range(candidate: float) -> bool:
-        limits = {"minimum": minimum, "maximum": maximum, "below": below}
-        return _are_bounds_met(candidate, candidate, positive=positive, **limits) and not (
-            whole and candidate % 1
-        )
-
-    if in_range(number):
+    limits = {"minimum": minimum, "maximum": maximum, "below": below}
+    in_bounds = _are_bounds_met(number, number, positive=positive, **limits)
+    if in_bounds and not (whole and number % 1):
         return
     ranged = minimum > -math.inf and maximum < math.inf
     bounds = ["above 0"] if positive else []
@@ -78,11 +72,7 @@ def require(
     unit = f" {UNITS[name]}" if name in UNITS else ""
     text = f"{_short_text(value)}{unit if math.isfinite(number) else ''}"
     allowed = f"{kind} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
-    other, power = OTHER_UNITS.get(unit.strip(), ("", 0))
-    digits = f"{number:g}"
-    is_slip = "e" not in digits and in_range(number * 10.0**power)  # a number without exponent
-    meant = f"; {digits} {other} is {digits}e{power}" if is_slip else ""
-    raise ValueError(f"{name} is {text}, but must be {allowed}{unit}{meant}")
+    raise ValueError(f"{name} is {text}, but must be {allowed}{unit}")
 
 
 def require_instance(name: str, value: Any, kind: type) -> None:

