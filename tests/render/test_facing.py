@@ -52,28 +52,7 @@ def test_an_open_box_shows_what_faces_the_sensor(box, gone, seen, slant_range):
     assert lines == pytest.approx(seen, rel=2e-3)
 
 
-def test_a_reversed_triangle_is_not_there():
-    corners = np.array([[0.0, -5, 0], [0.0, 5, 0], [0.0, 0, 6]])
-    facing, reversed_one = (trimesh.Trimesh(corners, [face]) for face in ([0, 1, 2], [0, 2, 1]))
-    view = {"aspect": 0.0, "depression": 0.0}
-    assert area(facing, **view) == pytest.approx(30.0, rel=0.02)
-    assert area(reversed_one, **view) == 0.0
-
-
-def test_rays_go_on_behind_what_they_pass(box):
-    """Rays pass three walls that face away and hit a fourth at its exact distance."""
-    walls = [trimesh.creation.box((1, 9, 9)).apply_translation((x, 0, 0)) for x in (0, -10, -20)]
-    opened = [without(wall, (1, 0, 0)) for wall in walls]
-    target = trimesh.creation.box((1, 9, 9)).apply_translation((-30, 0, 0))
-    mesh = trimesh.util.concatenate([*opened, target])
-    origin = np.array([[500.0, y, 1.0] for y in (-3, 0, 3, 30)])
-    hits = cast_rays(mesh, origin, np.tile([-1.0, 0, 0], (4, 1)))
-    np.testing.assert_array_equal(hits.ray, [0, 1, 2])
-    np.testing.assert_allclose(hits.distance, 529.5, rtol=1e-14)
-    np.testing.assert_array_equal(hits.cosine, 1.0)
-
-
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_soups_of_facets_are_seen_as_by_a_search_of_all(seed):
     """Among random triangles a ray hits the nearest one that faces it."""
     rng = np.random.default_rng(seed)

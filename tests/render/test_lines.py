@@ -121,24 +121,6 @@ def test_lines_between_are_those_that_a_finer_view_has_more(factor):
             assert np.array_equal(again.line, fine.line) and np.array_equal(again.piece, fine.piece)
 
 
-def test_crossings_close_together_are_in_order_whatever_else_is_far_away():
-    """Crossings are sorted by strips of the view, then exactly; here all lie in one strip."""
-    fins = [box((0.01 * n, -1.0, -3.0), (0.01 * n + 0.005, 1.0, 3.0)) for n in range(60)]
-    far = box((30e3, -1.0, 100.0), (30e3 + 1.0, 1.0, 101.0))  # strips of 7 m
-    view = {"aspect": 80.0, "depression": 0.0, "spacing": 0.5, "roll": 20.0}
-    pieces = []
-    for solids in (fins, [*fins, far]):
-        image = line_image(trimesh.util.concatenate(solids), **view)
-        # Rounding decides whether thinner pieces exist.
-        long = (np.diff(image.piece[:, :2])[:, 0] > 1e-6) & (np.abs(image.piece[:, 0]) < 100.0)
-        pieces.append((image.line[long], image.piece[long]))
-    (line, piece), (other_line, other_piece) = pieces
-    assert line.size > 1000
-    assert np.array_equal(line, other_line)
-    # Vertices are reckoned from the middle of the solid, here 15 km away: 2e-12 m.
-    np.testing.assert_allclose(piece, other_piece, rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("roll", [0.0, 31.72, -200.0])
 def test_bounds_are_those_of_all_ends(roll):
     image = line_image(ship("texas"), aspect=20, depression=12, spacing=1.0, roll=roll)

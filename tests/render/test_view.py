@@ -1,11 +1,11 @@
-"""Axes, lattice and clip matrix of a view agree with their definitions."""
+"""Axes and lattice of a view agree with their definitions."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ncti.render.view import Lattice, View, clip_matrix
+from ncti.render.view import Lattice, View
 
 angles = st.floats(-180, 180)
 depressions = st.floats(0, 90)
@@ -46,39 +46,3 @@ def test_lattice_covers_the_points_with_less_than_a_pixel_to_spare(view, seed, p
     assert np.all(projected.max(axis=1) > last - pixel - slack)
     assert lattice.near < points[2].min()
     assert lattice.far > points[2].max()
-
-
-@given(views, st.integers(0, 10))
-def test_clip_matrix_is_the_pinhole_camera(view, seed):
-    """It agrees with explicit division by the distance along the line of sight."""
-    points = points_of(seed)
-    centre = np.array([3.0, -1.0, 5.0])
-    lattice = Lattice.around(points, view, 0.25)
-    vertices = view.axes.T @ points - centre[:, None]
-    clip = clip_matrix(view, lattice, centre=centre) @ np.vstack([vertices, np.ones(50)])
-    x, y, z = clip[:3] / clip[3]
-
-    h, v, r = points
-    scale = 1.0 if view.slant_range is None else view.slant_range / (view.slant_range + r)
-    pixels = [(x + 1) / 2 * lattice.columns - 0.5, (y + 1) / 2 * lattice.rows - 0.5]
-    expected = [
-        (h * scale - lattice.origin[0]) / lattice.pixel,
-        (v * scale - lattice.origin[1]) / lattice.pixel,
-    ]
-    assert np.allclose(pixels, expected, rtol=0, atol=1e-9)
-    assert np.all(np.abs(z) < 1)
-    assert np.all(np.diff(z[np.argsort(r)]) > 0)
-
-
-@pytest.mark.parametrize("slant_range", [None, 4e3, 1e5, 1e9])
-def test_float32_moves_a_vertex_by_less_than_a_snap_of_the_rasteriser(slant_range):
-    """Rounding to float32 must stay below the 1/256 pixel that rasterisers snap to."""
-    view = View(33.0, 4.0, slant_range=slant_range)
-    points = points_of(0, 1000)
-    lattice = Lattice.around(points, view, 0.25)
-    exact = clip_matrix(view, lattice, centre=np.zeros(3))
-    vertices = np.vstack([view.axes.T @ points, np.ones(1000)])
-    sent = exact.astype(np.float32) @ vertices.astype(np.float32)
-    size = np.array([[lattice.columns], [lattice.rows]])
-    moved = ((exact @ vertices)[:2] / (exact @ vertices)[3] - sent[:2] / sent[3]) * size / 2
-    assert np.abs(moved).max() < 1 / 512
