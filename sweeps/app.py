@@ -90,7 +90,7 @@ def make_command(*modules: Any) -> Command:
 def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
-    Raises SweepIncompleteError if a foreign file is in the place of an output; all others are written.
+    Raises SweepIncompleteError if a foreign file is in the place of an output; others are written.
     """
     from sweeps.engine.declare.errors import SweepIncompleteError
     from sweeps.report.outputs import blocked_sentence

@@ -207,8 +207,8 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X or y is malformed, or holds NaN or infinity, or the initial gain exceeds the final
-            one.
+            If X or y is malformed, holds NaN, infinity or a number beyond 1e100, or the initial
+            gain exceeds the final one.
 
         Warns
         -----
@@ -220,6 +220,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         check_classification_targets(labels)
         self.classes_, class_of_sample = np.unique(labels, return_inverse=True)
         targets = np.where(class_of_sample[:, None] == np.arange(len(self.classes_)), 1.0, -1.0)
+        _require_moderate(vectors)
         self.centre_, self.scale_ = _centre_and_scale(vectors, self.scaling)
         inputs = self._inputs(vectors)
 
@@ -272,10 +273,11 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If X is malformed, or holds NaN or infinity.
+            If X is malformed, holds NaN, infinity or a number beyond 1e100.
         """
         check_is_fitted(self)
         vectors = validate_data(self, X, dtype=np.float64, reset=False)
+        _require_moderate(vectors)
         answers = self._inputs(vectors)
         for layer in zip(self.weights_, self.offsets_, self.gains_, strict=True):
             answers = Layer(*layer).answers(answers, 1.0)
@@ -325,6 +327,11 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         if not self.annealing or cycle >= last:
             return float(self.final_gain)
         return float(self.initial_gain * (self.final_gain / self.initial_gain) ** (cycle / last))
+
+
+def _require_moderate(vectors: Floats) -> None:
+    """Raise `ValueError` if a number in X is too large for the training to stay finite."""
+    require("the largest magnitude in X", float(np.abs(vectors).max()), maximum=MAX_INPUT)
 
 
 def _centre_and_scale(vectors: Floats, scaling: str) -> tuple[Floats, Floats]:

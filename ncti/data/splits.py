@@ -17,6 +17,7 @@ from ncti.ladar.budget import carrier_to_noise
 from ncti.render.flight import DEPRESSION
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 KNOWN_SHIPS = ("duncan", "horne", "spruance", "texas")
@@ -110,6 +111,24 @@ class Split:
     train: xr.Dataset
     test: xr.Dataset
     unknown: xr.Dataset | None
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return rows, views, ships and the aspects [deg] of each part, one row a part."""
+        import pandas as pd
+
+        summary = {
+            name: {
+                "rows": part.sizes["row"],
+                "views": len(np.unique(part.view)),
+                "ships": ", ".join(np.unique(part.ship)),
+                "aspects": f"{float(part.aspect.min()):.0f}-{float(part.aspect.max()):.0f}",
+            }
+            for name, part in parts_of(self).items()
+        }
+        return pd.DataFrame.from_dict(summary, orient="index")
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.name}, seed {self.seed}: {self.question}</p>{self.to_pandas().to_html()}"
 
 
 def parts_of(split: Split) -> dict[str, xr.Dataset]:

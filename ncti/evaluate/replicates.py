@@ -129,7 +129,8 @@ def replicated_accuracy(
     fraction, low, high, n = (
         np.concatenate(parts).reshape(*lead, len(labels) + 1) for parts in zip(*blocks, strict=True)
     )
-    return AspectAccuracy((*labels, OVERALL), fraction, low, high, np.rint(n).astype(np.intp))
+    counts = np.rint(n).astype(np.intp)
+    return AspectAccuracy((*labels, OVERALL), fraction, low, high, counts, confidence)
 
 
 def _accuracy(
@@ -335,7 +336,9 @@ def paired_difference(
     high = difference + interval_reach(
         after.ci_high - after.fraction, before.fraction - before.ci_low
     )
-    return AspectAccuracy(before.labels, difference, low, high, before.n)
+    return AspectAccuracy(
+        before.labels, difference, low, high, before.n, confidence, is_difference=True
+    )
 
 
 def _views(values: Floats, member: Floats) -> Floats:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from ncti.checks import require_all, require_labels, require_shape
 from ncti.evaluate.open_set import open_set_scores, rejection_thresholds
 from ncti.evaluate.replicates import grouped_accuracy
-from ncti.evaluate.scores import AspectAccuracy
+from ncti.evaluate.scores import AspectAccuracy, axes_to_draw_in
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
 
 BINS = 10  # of confidence, of equal width
 REJECTED_SHARE = 0.9  # share of answers to unknown classes
@@ -101,6 +106,34 @@ class Scores:
     auroc: float
     oscr: float
     kept: float
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the confusion: answers by true class, down, and class named, across."""
+        import pandas as pd
+
+        down, across = (pd.Index(self.classes, name=name) for name in ("true", "named"))
+        return pd.DataFrame(self.confusion, down, across)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the confusion in percent of the answers to a class."""
+        ax = axes_to_draw_in(ax)
+        counts = self.confusion
+        share = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        ax.imshow(share, vmin=0, vmax=100, cmap="Blues")
+        for (row, column), value in np.ndenumerate(share):
+            colour = "white" if value > 60 else "black"
+            ax.text(column, row, f"{value:.0f}", ha="center", va="center", color=colour)
+        ticks: NDArray[Any] = np.arange(len(self.classes))
+        ax.set_xticks(ticks, self.classes, rotation=30)
+        ax.set_yticks(ticks, self.classes)
+        ax.set(xlabel="named", ylabel="true", title="answers [%]")
+        return ax
+
+    def _repr_html_(self) -> str:
+        names = ("log_loss", "ece", "auroc", "oscr", "kept")
+        known = {name: value for name in names if (value := getattr(self, name)) == value}
+        summary = ", ".join(f"{name} {value:.2f}" for name, value in known.items())
+        return f"{self.accuracy._repr_html_()}{self.to_pandas().to_html()}<p>{summary}</p>"
 
 
 def score(

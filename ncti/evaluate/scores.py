@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ncti.checks import require, require_all, require_flags
+from ncti.labels import labelled_array
 
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.axes import Axes
+
+BIN = "aspect_bin"
 OVERALL = "overall"
 EDGES = (0.0, 30.0, 60.0, 90.0)  # deg; bins of the article
 BIN_WIDTH = 30.0  # deg; bins beyond the last edge
@@ -27,11 +35,15 @@ class AspectAccuracy:
         Names of the bins, from the aspects in them ("0-27"); the last is "overall".
     fraction : (..., bin) float64 ndarray
         Correct answers over answers, in [0, 1]; NaN if there are none. Of a difference of two
-        classifiers (`paired_difference`), that of their fractions, in [-1, 1].
+        classifiers, that of their fractions, in [-1, 1].
     ci_low, ci_high : (..., bin) float64 ndarray
         Ends of the confidence interval of the fraction.
     n : (..., bin) intp ndarray
         Number of answers.
+    confidence : float
+        Probability that the interval covers the true value.
+    is_difference : bool
+        Whether the fractions are differences; see `paired_difference`.
 
     See Also
     --------
@@ -51,6 +63,68 @@ class AspectAccuracy:
     ci_low: Floats
     ci_high: Floats
     n: Integers
+    confidence: float = 0.95
+    is_difference: bool = False
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return the arrays with their labels; leading axes are `dim_0`, `dim_1` and so on."""
+        import xarray as xr
+
+        dims = (*(f"dim_{axis}" for axis in range(self.fraction.ndim - 1)), BIN)
+        kind, interval = "difference" * self.is_difference, f"{100 * self.confidence:g} % interval"
+        columns = {
+            "fraction": (self.fraction, f"{kind or 'fraction'} of correct answers"),
+            "ci_low": (self.ci_low, f"lower end of the {interval}"),
+            "ci_high": (self.ci_high, f"upper end of the {interval}"),
+            "n": (self.n, "answers"),
+        }
+        return xr.Dataset(
+            {
+                name: labelled_array(dims, values, "1", label)
+                for name, (values, label) in columns.items()
+            },
+            {BIN: labelled_array(BIN, np.array(self.labels), "1", "aspects of the bin [deg]")},
+        )
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return one row a bin, or a bin of each leading axis."""
+        return self.to_xarray().to_dataframe()
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw percent correct by aspect bin, with intervals; ValueError with more axes."""
+        if self.fraction.ndim > 1:
+            shape = self.fraction.shape
+            raise ValueError(f"fraction has shape {shape}, but must have bins alone to be drawn")
+        ax = axes_to_draw_in(ax)
+        percent, low, high = (100 * values for values in (self.fraction, self.ci_low, self.ci_high))
+        ax.errorbar(self.labels, percent, (percent - low, high - percent), fmt="o", capsize=3)
+        if self.is_difference:
+            ax.set(xlabel="aspect [deg]", ylabel="difference of correct answers [points]")
+            ax.axhline(0, linewidth=1)
+        else:
+            ax.set(xlabel="aspect [deg]", ylabel="correct answers [%]", ylim=(0, 105))
+        return ax
+
+    def _repr_html_(self) -> str:
+        """Return percent correct with its interval, one row per bin, as HTML."""
+        frame = self.to_pandas()
+        percent = [
+            f"{100 * row.fraction:.0f} [{100 * row.ci_low:.0f}-{100 * row.ci_high:.0f}]"
+            if row.n
+            else ""
+            for row in frame.itertuples()
+        ]
+        name = "difference [points]" if self.is_difference else "percent correct"
+        return str(frame.assign(**{name: percent})[[name, "n"]].to_html())
+
+
+def axes_to_draw_in(ax: Axes | None) -> Axes:
+    """Return axes to draw in, new ones if none are given."""
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.subplots(layout="constrained")[1]
+    return ax
 
 
 def wilson_interval(
@@ -104,6 +178,12 @@ def wilson_interval(
     (array([0.49, 0.71, 0.72]), array([0.94, 0.87, 1.  ]))
     """
     k, n = require_all("successes", successes), require_all("trials", trials)
+    try:
+        k, n = np.broadcast_arrays(k, n)
+    except ValueError:
+        raise ValueError(
+            f"successes has shape {k.shape}, but must have that of trials, {n.shape}"
+        ) from None
     if not np.all((k >= 0.0) & (k <= n)):
         raise ValueError(
             f"successes is {successes!r} of {trials!r} trials, but must be counts with "

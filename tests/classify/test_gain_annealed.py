@@ -157,6 +157,10 @@ def test_what_cannot_be_meant_is_refused():
     X, y = bumps(np.random.default_rng(14))
     with pytest.raises(ValueError, match=r"^initial_gain is 2.0, but must be .* at most 1$"):
         fit(X, y, initial_gain=2.0)
+    with pytest.raises(ValueError, match=r"^the largest magnitude in X is 1e\+300"):
+        fit(X / X.max() * 1e300, y)
+    with pytest.raises(ValueError, match=r"^the largest magnitude in X is 1e\+300"):
+        fit(X, y).predict(X / X.max() * 1e300)
     for name, value in {
         "max_hidden": 0,
         "grow_every": 0,

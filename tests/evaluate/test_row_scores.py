@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import norm
+from scipy.stats import binomtest, norm
 from sklearn.metrics import roc_auc_score
 from sklearn.neighbors import KNeighborsClassifier
 
@@ -50,6 +50,18 @@ def test_the_order_of_rows_and_the_names_of_views_do_not_matter():
     names = np.char.add("view ", view.astype(str))[shuffled]
     mixed = grouped_accuracy(correct[shuffled], aspects[shuffled], names)
     np.testing.assert_allclose(ordered.ci_low, mixed.ci_low, rtol=1e-12)
+
+
+def test_intervals_cover_the_share_of_correlated_rows():
+    """If intervals cover 95 %, fewer than 92 % of 400 cover with probability 0.004."""
+    generator, covered = rng(), 0
+    view = np.repeat(np.arange(60), 8)
+    for _ in range(400):
+        easy = generator.beta(1.5, 0.5, 60)  # 75 % in the mean, correlation 1/3 within a view
+        correct = generator.random(480) < easy[view]
+        accuracy = grouped_accuracy(correct, np.zeros(480), view)
+        covered += bool(accuracy.ci_low[-1] <= 0.75 <= accuracy.ci_high[-1])
+    assert binomtest(covered, 400, 0.95, alternative="less").pvalue > 0.004
 
 
 def answers(generator, rows=2000, classes=3):
