@@ -1,4 +1,7 @@
-"""The sampling-free reference agrees with closed forms, boolean unions and random rays."""
+"""The sampling-free reference agrees with closed forms and boolean unions.
+
+`test_extent_of_ships.py` compares it with views of ships by other methods.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,8 @@ import closed_forms
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
-from scipy.stats import chi2
 
-import ncti.ships
 from studies.run_time.reference import reference_range_extent
 
 EDGES = np.arange(-100.0, 101.0)
@@ -125,41 +125,3 @@ def test_solids_that_intersect_look_like_their_union(aspect):
     np.testing.assert_allclose(
         pile.area[pile.area.sum(axis=1) > GRID_AREA], union.area[visible], rtol=0.0, atol=1e-4
     )
-
-
-@pytest.mark.parametrize("slant_range", [1e9, 5e3])
-def test_ship_under_random_rays(slant_range):
-    """Random rays hit each bin with a probability proportional to its visible area.
-
-    There are 150,000 rays; bins that expect fewer than 25 are pooled. The chi-square test of the
-    counts has a level of 1e-4.
-    """
-    mesh, view = ncti.ships.load("roberts"), {"aspect": 33.0, "depression": 6.7}
-    right, up, away = closed_forms.axes_of(**view)
-    h, v, r = (np.asarray(mesh.vertices) @ axis for axis in (right, up, away))
-    near = 1.0 + (r.min() - 1.0) / slant_range  # of a plane in front of the ship
-    low, high = (np.array(ends) / near for ends in ((h.min(), v.min()), (h.max(), v.max())))
-    rng = np.random.default_rng(11)
-    count = 150_000
-    points = rng.uniform(low, high, (count, 2))
-    start = points * near @ np.stack([right, up]) + (r.min() - 1.0) * away
-    towards = points @ np.stack([right, up]) / slant_range + away
-    facet = mesh.ray.intersects_first(start, towards)
-    start, towards, facet = start[facet >= 0], towards[facet >= 0], facet[facet >= 0]
-    corner, normal = mesh.triangles[facet, 0], mesh.face_normals[facet]
-    further = np.einsum("ij,ij->i", corner - start, normal) / np.einsum("ij,ij->i", towards, normal)
-    sight = start + further[:, None] * towards + slant_range * away
-    down_range = np.linalg.norm(sight, axis=1) - slant_range
-
-    area = reference_range_extent(mesh, **view, bin_edges=EDGES, slant_range=slant_range).area[0]
-    expected = area * count / np.prod(high - low)
-    assert chi_square_tail(np.histogram(down_range, EDGES)[0], expected, count) > 1e-4
-
-
-def chi_square_tail(counts: NDArray, expected: NDArray, total: int) -> float:
-    """Return the chi-square tail probability of the counts, with misses as a class."""
-    few = expected < 25.0
-    observed = np.append(counts[~few], [counts[few].sum(), total - counts.sum()])
-    expected = np.append(expected[~few], [expected[few].sum(), total - expected.sum()])
-    distance = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
-    return float(chi2.sf(distance, len(expected) - 1))
