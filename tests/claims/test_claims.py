@@ -26,7 +26,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from commands import opened, swept
-from once import made_once
 from scipy import stats
 
 VARIABLE = "NCTI_TEST_SEED"
@@ -50,14 +49,11 @@ PROFILES = (
     f"classifier.unknown=[{','.join(UNKNOWN)}]",
     "grid.aspect={start: 0, stop: 90, step: 1.5}",
     "grid.random_aspects=8",
-    "classifier.template_spacing=[1.5,3]",
     "grid.frame_count=16",
     "grid.replicate=3",
-    "classifier.name=[acn,correlation,likelihood]",
-    "classifier.gain_sigma=[0,1]",
 )
-"""Four ships learned every 1.5 and every 3 degrees and two that are not, at learned and at random
-aspects, as the article's sensor sees them at 100 km."""
+"""Four ships that are learned and two that are not, at learned and at random aspects, as the
+article's sensor sees them at 100 km."""
 
 BOTH = (
     "sensor=both",
@@ -72,6 +68,18 @@ BOTH = (
     "classifier.name=fusion",
 )
 """Profiles and silhouettes at some places of the ship on the detector."""
+
+FIRST = np.random.default_rng([SEED, *b"both"]).uniform(0, 7.5)
+SWEEPS = {
+    "protocol": (*PROFILES, "classifier.name=acn", "classifier.template_spacing=3"),
+    "profiles": (
+        *(*PROFILES, "classifier.template_spacing=1.5", "classifier.gain_sigma=[0,1]"),
+        "classifier.name=[acn,correlation,likelihood]",
+    ),
+    "both": (*BOTH, f"grid.aspect={{start: {FIRST:.3f}, stop: 90, step: 7.5}}"),
+}
+"""The article's protocol, profiles with denser templates, and both sensors at aspects 7.5 degrees
+apart from a random one on."""
 
 
 def answers(store, classifier, **place):
@@ -92,48 +100,6 @@ def of_views(right):
     """Return the share of right answers to each view over all draws, (view,)."""
     share = right.mean([dim for dim in right.dims if dim not in ("ship", "aspect")])
     return share.transpose("ship", "aspect").values.ravel()
-
-
-def named_by(store):
-    """Return right answers of all classifiers of profiles, with templates every 1.5 degrees."""
-    spaced = {"template_spacing": 1.5}
-    return {
-        "acn": answers(store, "acn", **spaced),
-        "correlation": answers(store, "correlation", **spaced),
-        "gain unknown": answers(store, "likelihood", gain_sigma=1, **spaced),
-        "gain known": answers(store, "likelihood", gain_sigma=0, **spaced),
-    }
-
-
-def shares_of_profiles(store):
-    """Return right answers at learned aspects, by the article's protocol and denser templates."""
-    network = answers(store, "acn", template_spacing=3.0)
-    network = network.sel(aspect=is_multiple(network.aspect, 3))
-    found = {
-        "acn, bow": network.sel(aspect=network.aspect < 30),
-        "acn, beam": network.sel(aspect=network.aspect >= 60),
-    }
-    named = named_by(store)
-    for name in ("acn", "gain known", "gain unknown"):
-        found[name] = named[name].sel(aspect=is_multiple(named[name].aspect, 1.5))
-    for name in ("gain known", "gain unknown"):
-        found[f"{name}, beam"] = found[name].sel(aspect=found[name].aspect >= 60)
-    return found
-
-
-def shares_of_both(store):
-    """Return right answers by silhouettes, and by both sensors."""
-    wanted = [("infrared", 25), ("infrared", 100), ("both", 25), ("both", 50)]
-    return {
-        f"{channel}, {distance} km": answers(store, "fusion", channel=channel, range=distance)
-        for channel, distance in wanted
-    }
-
-
-def rejection(store):
-    """Return the table of rejection by correlation of six ships, two of them unknown."""
-    table = opened(store, "tables/rejection_correlation").sel(aspects="learned")
-    return table.sel(template_spacing=1.5).squeeze()
 
 
 @dataclass(frozen=True)
@@ -172,42 +138,45 @@ def _seed():
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """Return a function that sweeps with the seed, without earlier results, into a store."""
-
-    def make(name, *overrides):
-        def sweep(folder):
-            given = (folder / f"{name}.zarr", folder / "cache", f"seed={SEED}", *overrides)
-            assert not swept(*given).failures
-
-        return made_once(tmp_path_factory, f"claims_{name}", sweep) / f"{name}.zarr"
-
-    return make
+def stores(tmp_path_factory):
+    """Return the store of each sweep with the seed, made without earlier results."""
+    folder = tmp_path_factory.mktemp("claims")
+    paths = {name: folder / f"{name}.zarr" for name in SWEEPS}
+    for name, overrides in SWEEPS.items():
+        done = swept(paths[name], folder / "cache", f"seed={SEED}", *overrides)
+        assert not done.failures
+    return paths
 
 
 @pytest.fixture(scope="module")
-def profiles(made):
-    """Return the store of range profiles."""
-    return made("profiles", *PROFILES)
+def named(stores):
+    """Return right answers of all classifiers of profiles, with templates every 1.5 degrees."""
+    profiles = stores["profiles"]
+    return {
+        "acn": answers(profiles, "acn"),
+        "correlation": answers(profiles, "correlation"),
+        "gain unknown": answers(profiles, "likelihood", gain_sigma=1),
+        "gain known": answers(profiles, "likelihood", gain_sigma=0),
+    }
 
 
 @pytest.fixture(scope="module")
-def named(profiles):
-    """Return right answers of all classifiers of profiles."""
-    return named_by(profiles)
-
-
-@pytest.fixture(scope="module")
-def both(made):
-    """Return the store of both sensors, at aspects 7.5 degrees apart from a random one on."""
-    first = np.random.default_rng([SEED, *b"both"]).uniform(0, 7.5)
-    return made("both", f"grid.aspect={{start: {first:.3f}, stop: 90, step: 7.5}}", *BOTH)
-
-
-@pytest.fixture(scope="module")
-def shares(profiles, both):
-    """Return all right answers that `SHARES` has a bound for."""
-    return shares_of_profiles(profiles) | shares_of_both(both)
+def shares(stores, named):
+    """Return all right answers that `SHARES` has a bound for, of profiles at learned aspects."""
+    network = answers(stores["protocol"], "acn")
+    network = network.sel(aspect=is_multiple(network.aspect, 3))
+    found = {
+        "acn, bow": network.sel(aspect=network.aspect < 30),
+        "acn, beam": network.sel(aspect=network.aspect >= 60),
+    }
+    for name in ("acn", "gain known", "gain unknown"):
+        found[name] = named[name].sel(aspect=is_multiple(named[name].aspect, 1.5))
+    for name in ("gain known", "gain unknown"):
+        found[f"{name}, beam"] = found[name].sel(aspect=found[name].aspect >= 60)
+    for channel, distance in (("infrared", 25), ("infrared", 100), ("both", 25), ("both", 50)):
+        right = answers(stores["both"], "fusion", channel=channel, range=distance)
+        found[f"{channel}, {distance} km"] = right
+    return found
 
 
 @pytest.mark.parametrize("name", SHARES)
@@ -247,14 +216,15 @@ def test_fresh_aspects_are_named_as_learned_ones_from_templates_a_degree_and_a_h
     assert test.pvalue >= LEVEL, (float(share[learned].mean()), float(share[~learned].mean()))
 
 
-def test_to_reject_unknown_ships_costs_most_of_the_known_ones(profiles):
+def test_to_reject_unknown_ships_costs_most_of_the_of_the_known_ones(stores):
     """The correlation classifier rejects nine in ten answers to unknown ships.
 
     An empirical distribution of n independent values is off by more than sqrt(ln(2 / p) / (2 n))
     anywhere with probability p at most (Massart 1990, Ann. Probab. 18, 1269), and so is an area
     from n pairs at least (Hoeffding 1963, J. Am. Stat. Assoc. 58, 13).
     """
-    table = rejection(profiles)
+    table = opened(stores["profiles"], "tables/rejection_correlation")
+    table = table.sel(aspects="learned").squeeze()
     unknown, known = int(table.n_unknown), int(table.n_known)
     assert (unknown, known) == (2 * 61 * DRAWS, VIEWS * DRAWS)
     off = [math.sqrt(math.log(2 / LEVEL) / (2 * n)) for n in (unknown, known)]
@@ -268,10 +238,10 @@ def test_to_reject_unknown_ships_costs_most_of_the_known_ones(profiles):
 # Both sensors
 
 
-def test_both_sensors_name_no_less_than_either(both):
+def test_both_sensors_name_no_less_than_either(stores):
     for distance in (25, 50, 100):
         right = {
-            name: of_views(answers(both, "fusion", channel=name, range=distance))
+            name: of_views(answers(stores["both"], "fusion", channel=name, range=distance))
             for name in ("range", "infrared", "both")
         }
         for alone in ("range", "infrared"):
