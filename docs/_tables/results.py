@@ -170,8 +170,6 @@ class Sizes:
         Learned aspects where unknown ships are rejected [deg].
     generated : int
         Number of ships that are generated of each one learned, to stand for unknown ones.
-    pairs : tuple of (str, str)
-        Ships of the six that are unknown together.
     """
 
     seeds: int
@@ -183,7 +181,6 @@ class Sizes:
     workers: ClusterChoice = WORKERS
     finest: tuple[float, ...] = DENSE_ASPECTS
     generated: int = GENERATED_SHIPS
-    pairs: tuple[tuple[str, str], ...] = PAIRS
 
     def article_aspects(
         self, overrides: Sequence[str], groups: Sequence[str], label: str
@@ -390,7 +387,7 @@ def _pairs(sizes: Sizes) -> dict[str, Report]:
                 )
                 for alternative, overrides in pair_arguments(pair, sizes.generated).items()
             }
-            for pair in sizes.pairs
+            for pair in PAIRS
         }
     )
 

@@ -11,7 +11,6 @@ from docs._tables import pages
 from docs._tables.pages import to_markdown
 
 MAX_PAGE_ROWS = 12  # rows of a table on a page; longer ones are CSV files
-SHORT = ("results", "reproduction", "operate", "benchmark")
 DECLARED = {"settings", "stage_inputs"}  # of declarations: tests/sweeps/test_declarations.py
 TABLES = sorted((pages.ROOT / "docs" / "tables").glob("*.csv"))
 REPORT = Report(
@@ -62,14 +61,6 @@ def test_notes_are_wrapped_between_words_and_never_before_a_percent_sign():
         assert max(map(len, lines)) <= 120 and not any(line.startswith("%") for line in lines)
 
 
-@pytest.mark.parametrize("name", SHORT)
-def test_a_page_of_results_is_short_and_no_line_of_it_a_comment(name):
-    text = (pages.ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
-    assert len(text.split()) <= 1500
-    lines = [line for line in text.splitlines() if not line.startswith("|")]
-    assert max(map(len, lines)) <= 120 and not any(line.startswith("%") for line in lines)
-
-
 @pytest.mark.parametrize("page", list(pages.pages()), ids=lambda page: page.stem)
 def test_every_table_of_a_page_has_its_command(page):
     text = page.read_text(encoding="utf-8")
@@ -98,12 +89,3 @@ def test_every_report_of_the_pages_has_one_place(name):
     texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
     printed = sum(text.count(pages.begin(name)) for text in texts)
     assert printed + (pages.csv_file(name) in TABLES) == 1
-
-
-def test_screenshots_of_the_report_are_as_wide_as_a_desk_and_small():
-    text = (pages.ROOT / "docs" / "report.md").read_text(encoding="utf-8")
-    shown = {pages.ROOT / "docs" / name for name in re.findall(r"!\[[^\]]+\]\((.*?)\)", text)}
-    assert shown == {*(pages.ROOT / "docs" / "screenshots").glob("*.png")} and len(shown) == 3
-    for path in shown:
-        content = path.read_bytes()
-        assert int.from_bytes(content[16:20], "big") == 1280 and len(content) < 200_000, path
