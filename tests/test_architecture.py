@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import packages_distributions
 from itertools import chain
 from pathlib import Path
@@ -29,6 +30,7 @@ def room(module: str) -> str:
     return ".".join(module.split(".")[:2])
 
 
+@cache
 def imports(path: Path) -> set[str]:
     """Return absolute names of all modules that a file imports, wherever in it."""
     names = set()
@@ -43,6 +45,7 @@ def imports(path: Path) -> set[str]:
     return names
 
 
+@cache
 def modules(package: str) -> list[Path]:
     return sorted((ROOT / package).rglob("*.py"))
 

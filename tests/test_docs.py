@@ -141,11 +141,16 @@ def test_what_is_on_the_page_runs(
     plt.close("all")
 
 
+def words_of(page, name):
+    """Return the words of all command lines of a page that call a command."""
+    return [shlex.split(line) for block in blocks(page, "sh") for line in commands(block, name)]
+
+
 def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeypatch):
     """A command extends the store of an earlier one with the same `store=`, or without any."""
     monkeypatch.chdir(tmp_path)
     pages = (ROOT / "README.md", ROOT / "docs/quick_start.md", ROOT / "docs/sweeping.md")
-    lines = [shlex.split(one) for page in pages for one in commands(shell_of(page), "ncti-sweep")]
+    lines = [words for page in pages for words in words_of(page, "ncti-sweep")]
     lines = [words[1:] for words in lines if not any(word.startswith("--") for word in words)]
 
     def store(words):
@@ -163,28 +168,15 @@ def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeyp
             stores[place.store] = decode_attrs(encode_attrs(provenance(plan)))
 
 
-def shell_of(page):
-    return "".join(blocks(page, "sh"))
-
-
 def test_the_gallery_has_every_script_and_the_command_that_runs_it():
     page = ROOT / "docs" / "gallery.md"
-    drawn, stores, scripts = [], set(), set()
-    for _, block in fences(page, "sh"):
-        stores |= {re.search(r"store=(\S+)", one)[1] for one in commands(block, "ncti-sweep")}
-        for line in commands(block, "python"):
-            script, *arguments, picture = shlex.split(line)[1:]
-            tables = {one for one in arguments if (ROOT / one).is_file()}
-            assert set(arguments[:1]) <= stores | tables, (
-                f"{line}: no command above makes the store"
-            )
-            assert (ROOT / script).is_file(), line
-            scripts.add(Path(script).name)
-            drawn.append(picture)
-    assert scripts == {path.name for path in (ROOT / "docs" / "gallery").glob("*.py")}
-    shown = re.findall(r"!\[[^\]]+\]\((.*?)\)", text_of(page))
-    assert shown == drawn
-    assert {path.name for path in page.parent.glob("*.png")} == {*shown}
+    lines = words_of(page, "python")
+    used = {line[2] for line in lines if line[2].endswith(".zarr")}
+    assert used <= {*re.findall(r"store=(\S+)", text_of(page))}
+    scripts, pictures = ([line[place] for line in lines] for place in (1, -1))
+    assert {ROOT / script for script in scripts} == {*(page.parent / "gallery").glob("*.py")}
+    assert re.findall(r"!\[[^\]]+\]\((.*?)\)", text_of(page)) == pictures
+    assert {path.name for path in page.parent.glob("*.png")} == {*pictures}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

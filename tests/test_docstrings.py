@@ -75,32 +75,6 @@ def test_public_names_are_documented(package):
     assert not found, "\n".join(found)
 
 
-def public_names() -> set[str]:
-    """Return full names of all functions and classes that packages of the library export."""
-    exported = (import_module(f"ncti.{package}") for package in ncti.__all__)
-    things = [getattr(module, name) for module in exported for name in module.__all__]
-    named = [thing for thing in things if inspect.isclass(thing) or inspect.isroutine(thing)]
-    return {f"{thing.__module__}.{thing.__qualname__}" for thing in named}
-
-
-def test_only_public_names_have_sections():
-    """Docstrings of other names have no sections but Examples."""
-    public, definitions = public_names(), (ast.FunctionDef, ast.ClassDef)
-    found = []
-    for path in LIBRARY:
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, definitions) and f"{module}.{node.name}" not in public:
-                inner = [one for one in ast.walk(node) if isinstance(one, definitions)]
-                texts = {one.name: ast.get_docstring(one) or "" for one in inner}
-                found += [
-                    f"{module}.{name}: {title}"
-                    for name, text in texts.items()
-                    for title in sections(text).keys() - {"body", "Examples"}
-                ]
-    assert not found, "\n".join(found)
-
-
 def documented_units() -> Iterator[tuple[str, str]]:
     """Yield parameters of every docstring of the library, and their units, empty without one."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in LIBRARY)
