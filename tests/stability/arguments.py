@@ -69,9 +69,6 @@ GOOD = {
     "classify.cluster": {"similarities": SIMILARITIES, "vigilance": 0.9, "order": np.arange(3)},
     "classify.Similarities.of": PIECES,
     "classify.label_posterior": {"scores": np.zeros((2, 4)), "labels": list("abcd")},
-    "classify.calibration.fit_temperature_and_outliers": {
-        **{"scores": np.eye(2), "labels": [0, 1], "truth": [0, 1]},
-    },
     "evaluate.wilson_interval": {"successes": 1, "trials": 3},
     "evaluate.aspect_bins": {"aspects": [3.0]},
     "evaluate.accuracy_by_aspect": {"correct": np.zeros((4, 3), bool), "aspects": [0.0, 3.0, 6.0]},
@@ -268,9 +265,6 @@ OTHERS = {
     "render.line_image": {"slant_range": [0.0, 40.0], "spacing": [1e-9]},
     "features.segment": {
         **{"image": [np.zeros(4), np.zeros((0, 4))], "contrast": [None, -1.0]},
-    },
-    "classify.calibration.fit_temperature_and_outliers": {
-        "truth": [[0], [0, 0, 0], [[0, 0]], [0, 7]],
     },
     "evaluate.open_set_scores": {"correct": [[1.0, 0.0]]},
     "evaluate.wilson_interval": {"confidence": [0.0, 1.0, 95.0, NAN]},

@@ -77,7 +77,7 @@ METHODS = {
 }
 # Exceptions in which a value is valid: labels may be texts, some arguments None.
 ALLOWED = {
-    *((name, "texts") for name in ("labels", "ships", "truth")),
+    *((name, "texts") for name in ("labels", "ships")),
     *((name, "none") for name in ("tests", "order", "floor")),
 }
 
