@@ -142,7 +142,9 @@ def test_nothing_of_a_store_or_cache_is_unpickled():
 PRIVATE = {
     "ncti/classify/constraints.py": {"_fit_context", "_param_validation"},
     "ncti/compiled.py": {"_cache", "_cache_file", "_source_stamp"},
-    "ncti/render/canvas.py": {"_display", "_eglQueryDeviceStringEXT"},
+    "ncti/render/canvas.py": {
+        *("_add_to_context", "_bind", "_display", "_eglQueryDeviceStringEXT", "_program_id"),
+    },
 }
 DOCUMENTED = {"_exit", "_fields", "_replace"}  # names with an underscore that are public
 

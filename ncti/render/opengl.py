@@ -1,8 +1,9 @@
-"""Engines by OpenGL, in software, on contexts of pyrender: OSMesa or EGL, bound once a process."""
+"""Engines by OpenGL: pyrender's depth pass, in software, on OSMesa or EGL, bound once a process."""
 
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +15,9 @@ from numpy.typing import NDArray
 from ncti.render.engine import EngineError
 from ncti.render.solid import Solid, sampled_facets
 from ncti.render.view import Lattice, View, clip_matrix
+
+MAX_FACETS = 2**24
+"""Most facets: their numbers are float32 colours, exact up to this number."""
 
 _process: int | None = None
 """Process in which PyOpenGL was bound."""
@@ -52,10 +56,15 @@ def bind_platform(name: str) -> None:
 
 
 def bound_platform() -> str | None:
-    """Return the platform from which PyOpenGL loads its functions, None before it is imported."""
+    """Return the platform from which PyOpenGL loads its functions, None before it is imported.
+
+    Waits while another thread imports it, until when the platform has no name.
+    """
     platform = sys.modules.get("OpenGL.platform")
     if platform is None:
         return None
+    if getattr(platform, "PLATFORM", None) is None:
+        platform = importlib.import_module("OpenGL.platform")
     return type(platform.PLATFORM).__module__.rpartition(".")[2]
 
 
@@ -63,13 +72,17 @@ def patch_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
     """Add to PyOpenGL the parts of OSMesa that pyrender needs.
 
     pyrender pins PyOpenGL 3.1.0, whose binding lacks `OSMesaCreateContextAttribs`, needed for
-    OpenGL 3.3, its constants, and the hash of a context, by which PyOpenGL finds its arrays. Later
-    versions have these.
+    OpenGL 3.3, its constants, and the hash of a context, by which pyrender and PyOpenGL find a
+    context's objects. Later versions have these, but two handles of one context are still unequal,
+    so that pyrender would recompile its shaders for every image.
     """
     constants = {
         "OSMESA_DEPTH_BITS": 0x30,
+        "OSMESA_STENCIL_BITS": 0x31,
+        "OSMESA_ACCUM_BITS": 0x32,
         "OSMESA_PROFILE": 0x33,
         "OSMESA_CORE_PROFILE": 0x34,
+        "OSMESA_COMPAT_PROFILE": 0x35,
         "OSMESA_CONTEXT_MAJOR_VERSION": 0x36,
         "OSMESA_CONTEXT_MINOR_VERSION": 0x37,
     }
@@ -86,7 +99,14 @@ def patch_osmesa(binding: Any, context_type: Any, library: ctypes.CDLL) -> None:
 
         binding.OSMesaCreateContextAttribs = create_context
 
-    context_type.__hash__ = lambda self: hash(ctypes.cast(self, ctypes.c_void_p).value)
+    def address(context: Any) -> int | None:
+        return ctypes.cast(context, ctypes.c_void_p).value
+
+    def is_same(self: Any, other: Any) -> bool:
+        return isinstance(other, context_type) and address(self) == address(other)
+
+    context_type.__eq__ = is_same
+    context_type.__hash__ = lambda self: hash(address(self))
 
 
 def _open_canvas(platform: str) -> Any:
@@ -97,7 +117,7 @@ def _open_canvas(platform: str) -> Any:
 
 
 class PyrenderEngine:
-    """One OpenGL platform of pyrender, with a persistent context.
+    """pyrender on one OpenGL platform, with a persistent context, renderer and scene.
 
     An OpenGL context belongs to one thread. The engine has its own thread for it, so any thread
     may call it; it draws one image at a time.
@@ -118,6 +138,10 @@ class PyrenderEngine:
         self, solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
     ) -> NDArray[np.float32]:
         """Return the facet that each pixel sees, -1 for none."""
+        if len(solid.faces) > MAX_FACETS:
+            raise ValueError(
+                f"mesh has {len(solid.faces)} facets: OpenGL engines take at most {MAX_FACETS}."
+            )
         clip = clip_matrix(view, lattice, centre=solid.centre)
         facets = sampled_facets(solid, view, lattice, points)
         drawing = self._thread.submit(self._canvas.draw, solid, facets, clip, lattice.shape)

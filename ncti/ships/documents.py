@@ -1,4 +1,4 @@
-"""Reading of YAML with unique keys."""
+"""Reading of YAML with bounded cost, whatever the text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ import yaml
 
 from ncti.ships.errors import ShipError, short_repr
 
-MAX_DEPTH = 30  # libyaml's loader calls itself; the packaged sheets are nested 6 deep
+# The packaged sheets have up to 2,300 values, nested 6 deep. Every use of an alias counts: a few
+# lines of aliases to aliases stand for more values than fit into memory.
+MAX_VALUES = 50_000
+MAX_DEPTH = 30
+MAX_VALUE = 10_000  # characters of one value
 
 # The loader of libyaml, if PyYAML has it, takes a tenth of the time.
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -41,11 +45,11 @@ class _Loader(LOADER):  # type: ignore[valid-type, misc]
 def read(where: str, text: str) -> Any:
     """Return the value of a YAML text.
 
-    Refuses (`ShipError`) text that is not YAML, has a key twice, or is nested deeper than any
-    sheet; `where` names it in messages.
+    Refuses (`ShipError`) text that is not YAML, has a key twice, or is larger or nested deeper than
+    any sheet; `where` names it in messages.
     """
     try:
-        _check_depth(where, text)
+        _check_size(where, text)
         return yaml.load(text, _Loader)
     except ShipError:
         raise
@@ -57,10 +61,37 @@ def read(where: str, text: str) -> Any:
         raise ShipError(f"{where}: is not valid YAML{position}.") from None
 
 
-def _check_depth(where: str, text: str) -> None:
-    depth = 0
+def _check_size(where: str, text: str) -> None:
+    """Refuse texts that would take long to construct, from their events alone."""
+    values = 0
+    size_of: dict[str | None, int | None] = {}  # by anchor; None while it is still open
+    opened: list[tuple[str | None, int]] = []  # anchor, and number of values before it
     for event in yaml.parse(text, LOADER):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_DEPTH:
-            raise ShipError(f"{where}: is nested {depth} deep, but may be at most {MAX_DEPTH}.")
+        match event:
+            case yaml.AliasEvent(anchor=anchor):
+                size = size_of.get(anchor, 0)
+                if size is None:
+                    raise ShipError(f"{where}: '*{anchor}' holds itself, but no value may.")
+                values += size
+            case yaml.ScalarEvent(anchor=anchor, value=value):
+                if len(value) > MAX_VALUE:
+                    excess = f"has {short_repr(value)} of {len(value)} characters"
+                    raise _excess_error(where, excess, MAX_VALUE)
+                values += 1
+                size_of[anchor] = 1
+            case yaml.CollectionStartEvent(anchor=anchor):
+                opened.append((anchor, values))
+                if len(opened) > MAX_DEPTH:
+                    raise _excess_error(where, f"is nested {len(opened)} deep", MAX_DEPTH)
+                values += 1
+                size_of[anchor] = None
+            case yaml.CollectionEndEvent():
+                anchor, before = opened.pop()
+                size_of[anchor] = values - before
+        if values > MAX_VALUES:
+            excess = f"has {values} values or more, with those that its aliases stand for"
+            raise _excess_error(where, excess, MAX_VALUES)
+
+
+def _excess_error(where: str, excess: str, limit: int) -> ShipError:
+    return ShipError(f"{where}: {excess}, but may be at most {limit}.")

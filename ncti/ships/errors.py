@@ -39,8 +39,17 @@ def short_repr(value: Any) -> str:
 
     A YAML alias takes a few bytes but may expand to millions of values.
     """
-    short = reprlib.Repr()
-    short.maxlevel = 3
-    short.maxlist = short.maxtuple = short.maxset = short.maxdict = 4
-    short.maxstring = short.maxother = 60
-    return short.repr(value)[:60]
+    return _ShortRepr().repr(value)[:60]
+
+
+class _ShortRepr(reprlib.Repr):
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 3
+        self.maxlist = self.maxtuple = self.maxset = self.maxdict = 4
+        self.maxstring = self.maxother = 60
+
+    def repr_int(self, x: int, level: int) -> str:
+        # Python refuses to write out thousands of digits.
+        bits = x.bit_length()
+        return super().repr_int(x, level) if bits < 1000 else f"a whole number of {bits} bits"

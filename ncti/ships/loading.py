@@ -160,7 +160,7 @@ def load(
         waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
         and `beam` [m], which for a sheet are those of the hull without overhanging parts,
         `findings`, `suggested_transform` and `faults` of `describe`, and `variant_of`, the ship of
-        a variant, or None.
+        a variant, or None. Notebooks show its silhouette with these.
 
     Raises
     ------

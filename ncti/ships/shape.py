@@ -27,10 +27,12 @@ class ShipMesh:
         return hash(self.metadata["digest"])  # equal digests mean equal meshes
 
     def to_trimesh(self) -> trimesh.Trimesh:
-        """Return the mesh as a trimesh of its own."""
-        import trimesh
+        """Return the mesh as a trimesh of its own, which notebooks show as a picture."""
+        from ncti.ships.displayed import Ship
 
-        return trimesh.Trimesh(self.vertices, self.faces, process=False, metadata=self.metadata)
+        mesh = Ship(self.vertices, self.faces, process=False)
+        mesh.metadata.update(self.metadata)
+        return mesh
 
 
 Mesh: TypeAlias = "trimesh.Trimesh | ShipMesh"

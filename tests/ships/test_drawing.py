@@ -27,9 +27,10 @@ def test_a_silhouette_has_the_area_and_name_of_its_bodies():
     assert abs(covered) == pytest.approx(4 + 4 + 5 + 3, rel=0.005)
 
 
-def test_notebooks_show_a_ship_with_its_measures():
+@pytest.mark.parametrize("view", [ships.describe, ships.load])
+def test_notebooks_show_a_ship_with_its_measures(view):
     description = ships.describe("texas", offset=[0, 0, 3])
-    figure = ElementTree.fromstring(description._repr_html_())
+    figure = ElementTree.fromstring(view("texas", offset=[0, 0, 3])._repr_html_())
     assert description.measures in "".join(figure.itertext())
     assert description.findings[0] in figure[1].text
     picture = figure[0]

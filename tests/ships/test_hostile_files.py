@@ -10,10 +10,11 @@ import trimesh
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from running import python
 from shipyard import barge, refusal, refused_sheet, sentence
 
 from ncti import ships
-from ncti.ships import documents
+from ncti.ships import documents, errors
 
 BOX = trimesh.creation.box((100, 14, 20)).apply_translation((0, 0, 10))
 
@@ -21,7 +22,9 @@ BOX = trimesh.creation.box((100, 14, 20)).apply_translation((0, 0, 10))
 # Names
 
 
-@pytest.mark.parametrize("name", ["a\nb", "\x1b[31mred", "\u202egnp", " ", "x" * 101])
+@pytest.mark.parametrize(
+    "name", ["a\nb", "\x1b[31mred", "bell\a", "\u202egnp", "tab\t", " ", "x" * 101, "\x9b2J"]
+)
 def test_name_that_is_no_label_is_refused_and_shown_escaped(name, tmp_path) -> None:
     path = tmp_path / f"{name}.stl"
     BOX.export(path)
@@ -32,14 +35,38 @@ def test_name_that_is_no_label_is_refused_and_shown_escaped(name, tmp_path) -> N
         ships.digest(path)
 
 
+def test_message_is_one_short_line_whatever_it_tells() -> None:
+    message = str(ships.ShipError("a\n\x1b" + "b" * 10**6 + "."))
+    assert message.isprintable()
+    assert message.startswith(r"a\n\x1bbbb")
+    assert len(message) == errors.MAX_MESSAGE
+
+
 # Kinds of files and their size
 
+ALONE = """
+import sys
+from ncti import ships
+for path in sys.argv[1:]:
+    try:
+        ships.load(path)
+    except ships.ShipError as error:
+        print(error)
+"""
 
-@pytest.mark.parametrize("suffix", ["stl", "obj", "yaml"])
-def test_only_regular_files_are_read(suffix, tmp_path) -> None:
-    path = tmp_path / f"hulk.{suffix}"
-    path.symlink_to("/dev/null")
-    assert refusal(path) == f"ship file '{path}' is no regular file, but must be one."
+
+def test_only_regular_files_are_read(tmp_path) -> None:
+    """Run in a separate process, because reading a pipe without a writer would block forever."""
+    paths = []
+    for suffix in ("stl", "obj", "yaml"):
+        pipe, endless, silent = (tmp_path / f"{name}.{suffix}" for name in ("pipe", "zero", "null"))
+        os.mkfifo(pipe)
+        endless.symlink_to("/dev/zero")
+        silent.symlink_to("/dev/null")
+        paths += [pipe, endless, silent]
+    ran = python("-c", ALONE, *paths)
+    expected = [f"ship file '{path}' is no regular file, but must be one." for path in paths]
+    assert ran.stdout.splitlines() == expected
 
 
 @pytest.mark.parametrize(("suffix", "millions"), [("stl", 256), ("glb", 256), ("yaml", 1)])
@@ -53,16 +80,43 @@ def test_huge_file_is_refused_unread(suffix, millions, tmp_path) -> None:
 # YAML
 
 
+def bomb(depth: int, *, width: int = 9) -> str:
+    """Return YAML of a few hundred bytes that expands to `width` ** `depth` values."""
+    lines = ["a0: &a0 [0]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * width)}]" for i in range(1, depth)]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("depth", [9, 40, 200])
+def test_aliases_of_aliases_are_refused(depth) -> None:
+    message = refused_sheet(bomb(depth) + f"\nname: *a{depth - 1}\n")
+    assert "with those that its aliases stand for, but may be at most 50000" in message
+
+
+def test_value_that_holds_itself_is_refused() -> None:
+    assert "'*a' holds itself, but no value may" in refused_sheet("a: &a [1, {b: *a}]")
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
         ("[" * 50_000, "is nested 31 deep, but may be at most 30"),
-        ("a: &a [1, {b: *a}]", "'components' is missing"),
+        ("- " * 50_000, "is nested 31 deep"),
+        ("- 1\n" * 60_000, "has 50001 values or more"),
+        ("name: " + "x" * 20_000, "of 20000 characters, but may be at most 10000"),
+        ("name: " + ":".join(["1"] * 300_000), "of 599999 characters"),  # a number to base 60
+        ("name: 0x" + "f" * 9_000, "a whole number of 36000 bits"),
+        ("name: " + "1" * 9_000, "is not valid YAML"),  # more digits than Python converts
         ("name: !!int ''", "is not valid YAML"),
         ("name: !!bool maybe", "is not valid YAML"),
+        ("name: !!timestamp now", "is not valid YAML"),
+        ("name: *nowhere", "is not valid YAML"),
+        ("a: &a 1\nb: &a 2", "is not valid YAML"),
         ("\x1b[31m", "is not valid YAML"),
+        ('"a\\e[31m": 1', "'components' is missing"),
         ("name: barge\nname: barge", "'name' is given twice (line "),
         ("name: a\nnote: [0, {a: 1, 'a': 2}]", "'a' is given twice (line "),
+        ("name: a\nnote: [0, {1: 1, 1: 2}]", "1 is given twice (line "),
     ],
 )
 def test_text_that_costs_too_much_or_says_nothing_is_refused(text, told) -> None:
