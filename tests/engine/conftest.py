@@ -2,11 +2,13 @@
 
 import signal
 import uuid
+from functools import partial
 
 import buckets
 import pytest
 from executors import eventually, running_server, silent
 
+import sweeps
 from sweeps.engine.run import dask_cluster
 from sweeps.engine.run.cluster import ClusterChoice
 from sweeps.engine.run.executors import open_executor
@@ -26,14 +28,13 @@ def at_a_terminal():
 @pytest.fixture(scope="module", autouse=True)
 def no_server_of_other_tests():
     """End any fork server that a worker, restarted while its cluster closed, has left running."""
-    eventually(no_server)
 
+    def none_runs():
+        if server := running_server():
+            server.terminate()
+        return server is None
 
-def no_server():
-    """End the fork server of this process; return whether there is none."""
-    if server := running_server():
-        server.terminate()
-    return server is None
+    eventually(none_runs)
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +72,10 @@ def bucket(served, monkeypatch):
 def place(request, tmp_path):
     """Return a new place: a folder, or a URL in a bucket."""
     return tmp_path if request.param == "folder" else request.getfixturevalue("bucket")
+
+
+@pytest.fixture
+def sweep(tmp_path, monkeypatch):
+    """Return `sweeps.sweep` with a store and a cache in a new folder."""
+    monkeypatch.chdir(tmp_path)
+    return partial(sweeps.sweep, store="s.zarr", cache="c")

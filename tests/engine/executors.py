@@ -22,7 +22,7 @@ from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.process import ONE_THREAD
 
 QUIET = ("--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0")
-IMPORTS = f"{Path(__file__).parent}:{Path(__file__).parents[2]}"
+IMPORTS = ":".join(str(folder) for folder in Path(__file__).parents[:3])
 
 
 def silent(_sentence):
@@ -72,8 +72,8 @@ def result_of(run, function, *arguments):
 
 
 def eventually(condition):
-    """Wait until a condition holds; fail after 30 seconds."""
-    deadline = time.monotonic() + 30
+    """Wait until a condition holds; fail after a minute."""
+    deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline, "it never came about"
         time.sleep(0.02)

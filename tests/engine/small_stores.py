@@ -1,11 +1,15 @@
 """Helpers that make small stores and read their content."""
 
+import errno
 import itertools
 import json
 import math
+import os
 import warnings
+from contextlib import contextmanager
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from sweeps.engine.objects import Objects
@@ -80,17 +84,40 @@ def contents(path):
         encoding = document.pop("chunk_key_encoding")
         separator = encoding["configuration"]["separator"]
         begin = f"c{separator}" if encoding["name"] == "default" else ""
-        tree[name] = document
-        counts = map(math.ceil, np.divide(document["shape"], chunks_of(document)))
+        tree[name], shape = document, document["chunk_grid"]["configuration"]["chunk_shape"]
+        counts = map(math.ceil, np.divide(document["shape"], shape))
         for index in itertools.product(*map(range, counts)) if document["shape"] else ():
             chunk = begin + separator.join(map(str, index))
             tree[name, index] = there.get(f"{name}/{chunk}")
     return tree
 
 
-def chunks_of(node):
-    """Return the shape of the chunks of an array, given its metadata."""
-    return node["chunk_grid"]["configuration"]["chunk_shape"]
+class Killed(BaseException):
+    """Exception that no writer catches."""
+
+
+def full():
+    """Return the error of a disk that is full."""
+    return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "there")
+
+
+@contextmanager
+def ending_after(number, methods=("put", "_delete"), raised=Killed):
+    """Let calls of some methods of `Objects` succeed, and later ones raise an exception."""
+    calls = itertools.count(1)
+
+    def counted(method):
+        def call(*arguments):
+            if next(calls) > number:
+                raise raised()
+            return method(*arguments)
+
+        return call
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in methods:
+            patch.setattr(Objects, name, counted(getattr(Objects, name)))
+        yield
 
 
 def opened(path, group):

@@ -192,15 +192,11 @@ def tabulated(answers, choices):
 
 def checked(choices):
     """Return the choices; refuse a reference that is not one of the stiffnesses."""
-    strange = [
-        value
-        for value in choices[Spring.reference]
-        if value not in (None, *choices[Spring.stiffness])
-    ]
-    if strange:
-        raise ConfigurationError(
-            f"spring.reference has {strange[0]:g}, but must be one of spring.stiffness"
-        )
+    for value in choices[Spring.reference]:
+        if value not in (None, *choices[Spring.stiffness]):
+            raise ConfigurationError(
+                f"spring.reference has {value:g}, but must be one of spring.stiffness"
+            )
     return choices
 
 
@@ -236,18 +232,14 @@ def run(
 
 
 class Recorder:
-    """Collect the sentences and failures that a sweep reports."""
+    """Collect the sentences and failures that a sweep reports to its callbacks."""
 
     def __init__(self):
-        self.sentences = []
-        self.failures = []
+        self.sentences, self.failures = [], []
+        self.callbacks = Callbacks(self.sentences.append, failed=self.fail)
 
-    @property
-    def callbacks(self):
-        """Return the callbacks to pass to a sweep."""
-        return Callbacks(
-            self.sentences.append, failed=lambda failure: self.failures.append(failure[:2])
-        )
+    def fail(self, failure):
+        self.failures.append(failure[:2])
 
 
 def having(experiment, stages=None, tables=None):
@@ -256,14 +248,6 @@ def having(experiment, stages=None, tables=None):
     stages = experiment.stages if stages is None else stages
     tables = experiment.tables if tables is None else tables
     return replace(experiment, parts=(*settings, *stages, *tables))
-
-
-def without(experiment, name):
-    """Return an experiment without one stage and without tables of groups that this removes."""
-    stages = tuple(declared for declared in experiment.stages if declared.name != name)
-    groups = {declared.group.path for declared in stages}
-    tables = tuple(table for table in experiment.tables if groups.issuperset(table.of))
-    return having(experiment, stages, tables)
 
 
 class Few(Settings, key="few"):
