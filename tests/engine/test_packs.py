@@ -12,9 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
-from packed import SMALL, keys, locations, pack_files, same, small, write_pack, written
-from small_stores import files
-from toys import Recorder, go
+from packed import SMALL, keys, locations, same, small, write_pack, written
 
 from sweeps.engine import objects as places
 from sweeps.engine.cache import packs
@@ -76,29 +74,11 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
         assert not any(np.shares_memory(array, other) for other in arrays if other is not array)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        np.array([None]),
-        np.zeros(2, dtype="f8,i4"),
-        np.array(["a"], dtype=np.dtypes.StringDType()),
-    ],
-    ids=["objects", "fields", "text"],
-)
-def test_what_cannot_be_kept_is_refused(tmp_path, values):
+@pytest.mark.parametrize("code", ["O", "f8,i4", "T"])
+def test_what_cannot_be_kept_is_refused(tmp_path, code):
     with pytest.raises(TypeError, match="cannot be cached"):
-        write_pack(Objects(tmp_path), "stage", [1], [{"a": values}])
+        write_pack(Objects(tmp_path), "stage", [1], [{"a": np.zeros(2, dtype=code)}])
     assert list(tmp_path.iterdir()) == []
-
-
-def test_packs_of_either_kind_of_place_are_alike(place):
-    cells = open_packs(place)
-    first, second = written(cells, 1, 2), written(cells, 3)
-    outputs = read_cells(cells, locations(first.path, [1, 0, 1], [2, 1, 2]))
-    assert [same(cell, small(n)) for cell, n in zip(outputs, (2, 1, 2), strict=True)] == 3 * [True]
-    assert read_cells(cells, locations(second.path, [0, 1], [4, 3])) == [None] * 2
-    assert read_cells(cells, locations(f"{'0' * 56}.pack", [0], [1])) == [None]
-    assert cells.sizes() == {first.path: first.size, second.path: second.size}
 
 
 def test_every_changed_byte_is_noticed(tmp_path):
@@ -133,40 +113,26 @@ MIXED = [
 
 
 @st.composite
-def changes(draw, size):
-    """Draw a change of bytes: position, number of bytes replaced, and new bytes."""
-    start = draw(st.integers(0, size))
-    return start, draw(st.integers(0, 20)), draw(st.binary(max_size=20))
-
-
-def changed(content, all_changes):
-    for start, length, new in all_changes:
-        content = content[:start] + new + content[start + length :]
+def changed(draw, content):
+    """Draw bytes of which some, at up to three places, are replaced by others."""
+    for _ in range(draw(st.integers(0, 3))):
+        start, length = draw(st.integers(0, len(content))), draw(st.integers(0, 20))
+        content = content[:start] + draw(st.binary(max_size=20)) + content[start + length :]
     return content
 
 
 @settings(max_examples=200, deadline=None)
-@given(data=st.data(), sealed=st.booleans())
-def test_whatever_is_changed_a_cell_is_what_it_was_or_none(data, sealed):
-    """If the name is made to fit a changed head, other values may be read, of no more bytes."""
+@given(data=st.data())
+def test_a_changed_head_that_fits_its_name_reads_no_more_than_there_is(data):
     with tempfile.TemporaryDirectory() as name:
         cells = Objects(Path(name))
         pack = write_pack(cells, "s", range(3), MIXED)
         content = Path(name, pack.path).read_bytes()
         size = int(HEAD.fullmatch(pack.path)[2], 16)
-        begin = size if sealed else len(content)
-        new = changed(content[:begin], data.draw(st.lists(changes(begin), max_size=3)))
-        path = sealed_as(Path(name), new, content[size:]) if sealed else pack.path
-        Path(name, path).write_bytes(new + content[begin:])
-        packs._read_head.cache_clear()
+        path = sealed_as(Path(name), data.draw(changed(content[:size])), content[size:])
         read_pack(cells, path, Path(name, path).stat().st_size)
-        for cell, before in zip(
-            read_cells(cells, locations(path, range(3), range(3))), MIXED, strict=True
-        ):
-            if cell is not None and not sealed:
-                assert same(cell, before)
-            elif cell is not None:
-                assert sum(array.nbytes for array in cell.values()) <= len(content)
+        for cell in read_cells(cells, locations(path, range(3), range(3))):
+            assert sum(array.nbytes for array in (cell or {}).values()) <= len(content)
 
 
 def sealed_as(folder: Path, head: bytes, records: bytes) -> str:
@@ -176,20 +142,10 @@ def sealed_as(folder: Path, head: bytes, records: bytes) -> str:
     return path
 
 
-def test_what_is_cut_off_is_absent(tmp_path):
+def test_what_is_gone_or_no_pack_is_absent(tmp_path):
     cells = Objects(tmp_path)
     pack = written(cells, 0, 1, 2)
-    path = tmp_path / pack.path
-    three = locations(pack.path, range(3), range(3))
-    content = path.read_bytes()
-    for length in range(0, len(content), 7):
-        path.write_bytes(content[:length])
-        packs._read_head.cache_clear()
-        for number, cell in enumerate(read_cells(cells, three)):
-            assert cell is None or same(cell, small(number))
-        assert cell is None
-    path.unlink()
-    packs._read_head.cache_clear()
+    (tmp_path / pack.path).unlink()
     for strange in (pack.path, ".", "nul\0"):
         assert read_cells(cells, locations(strange, [0, 3], [0, 1])) == [None] * 2
 
@@ -197,49 +153,15 @@ def test_what_is_cut_off_is_absent(tmp_path):
 # exchanged and damaged packs ---------------------------------------------------------------------
 
 
-def exchange(path: Path, other: Path) -> None:
-    first, second = path.read_bytes(), other.read_bytes()
-    path.write_bytes(second)
-    other.write_bytes(first)
-
-
 def test_a_cell_of_another_key_is_not_read(tmp_path):
     cells = Objects(tmp_path)
     first, second = written(cells, 1, 2), written(cells, 3, 4)
     assert read_cells(cells, locations(first.path, [0, 1], [3, 1])) == [None] * 2
-    exchange(tmp_path / first.path, tmp_path / second.path)
+    content = (tmp_path / first.path).read_bytes()
+    (tmp_path / second.path).replace(tmp_path / first.path)
+    (tmp_path / second.path).write_bytes(content)
     assert read_cells(cells, locations(first.path, [0, 1], [1, 2])) == [None] * 2
     assert read_cells(cells, locations(second.path, [0, 0], [1, 3])) == [None] * 2
-
-
-def stage_of(path: Path) -> str:
-    return read_pack(Objects(path.parent), path.name, path.stat().st_size)[0].stage
-
-
-def test_packs_exchanged_while_a_sweep_runs_do_not_change_its_store(tmp_path, monkeypatch):
-    cache, recorder = tmp_path / "cache", Recorder()
-    go(tmp_path / "s.zarr", cache)
-    first = {stage_of(path): path for path in pack_files(cache)}
-    go(tmp_path / "t.zarr", cache, seed=1)  # its cells have the same shapes
-
-    def found(index, *arguments, find=CellIndex.find):
-        if not recorder.failures:
-            recorder.failures.append("exchanged")  # at the first look-up, after the index is read
-            for path in pack_files(cache):
-                if path not in first.values():
-                    exchange(path, first[stage_of(path)])
-            packs._read_head.cache_clear()
-        return find(index, *arguments)
-
-    monkeypatch.setattr(CellIndex, "find", found)
-    go(tmp_path / "again.zarr", cache, callbacks=recorder.callbacks)
-    assert files(tmp_path / "again.zarr") == files(tmp_path / "s.zarr")
-    again = [
-        sentence
-        for sentence in recorder.sentences
-        if "are damaged and are computed again" in sentence
-    ]
-    assert len(again) == 1, "one round mends the cells of all stages"
 
 
 LINE = ["s", 0.5, [[["a", "<f8", [2]]]]]
@@ -261,6 +183,8 @@ def test_a_pack_may_say_where_it_is_from(tmp_path):
     pack, cell = of_line(Objects(tmp_path), LINE)
     assert (pack.stage, pack.seconds, pack.cells) == ("s", 0.5, 1)
     assert cell["a"].tolist() == [0, 1]
+    pack, cell = of_line(Objects(tmp_path), LINE, number=1)  # a layout that it does not have
+    assert cell is None and pack.cells == 0
 
 
 HUGE = 2**62
@@ -269,22 +193,13 @@ HUGE = 2**62
 @pytest.mark.parametrize(
     "line",
     [
-        *(None, 1, [], {}, "s", b"", b"[", 10_000 * b"[", b"\xff", [1, 2, 3]),
-        *(["s", -1, []], ["s", "1", []], ["s", None, []], b'["s",NaN,[]]', b'["s",Infinity,[]]'),
-        *([None, 0, []], ["s", 0, [[["a", "<f8", [2]]]], 0], ["s", 0, None], ["s", 0, 7]),
-        *(["s", 0, layouts] for layouts in ([], [7], ["abc"], [[["a", "<f8"]]], [[7]], {"a": 1})),
-        *(
-            ["s", 0, [[["a", "<f8", shape]]]]
-            for shape in ([-2], [-1, -2], [1.0], ["2"], "2", None, 2, [[2]], [HUGE], 9 * [HUGE])
-        ),
-        *(
-            ["s", 0, [[["a", "<f8", [2]], ["b", "u1", [0, HUGE, HUGE]]]]],
-            b'["s",0,[[["a",2,[2]]]]]',
-        ),
-        *(
-            ["s", 0, [[["a", code, [2]]]]]
-            for code in ("|O", "<f8,<i4", "(2,)<f8", "nonsense", "", None, ["<f8"], 3, "T")
-        ),
+        *(None, [], {}, b"", b"[", 10_000 * b"[", b"\xff", [1, 2, 3]),
+        *(["s", -1, []], ["s", "1", []], b'["s",NaN,[]]', b'["s",Infinity,[]]'),
+        *([None, 0, []], ["s", 0, [[["a", "<f8", [2]]]], 0], ["s", 0, None]),
+        *(["s", 0, layouts] for layouts in ([], ["abc"], [[["a", "<f8"]]], [[7]], {"a": 1})),
+        *(["s", 0, [[["a", "<f8", shape]]]] for shape in ([-2], [1.0], "2", None, 9 * [HUGE])),
+        ["s", 0, [[["a", "<f8", [2]], ["b", "u1", [0, HUGE, HUGE]]]]],
+        *(["s", 0, [[["a", code, [2]]]]] for code in ("|O", "<f8,<i4", "(2,)<f8", "", None, 2)),
     ],
 )
 def test_a_pack_that_says_something_else_is_damaged(tmp_path, line):
@@ -293,12 +208,7 @@ def test_a_pack_that_says_something_else_is_damaged(tmp_path, line):
     assert cell is None
 
 
-def test_a_layout_that_a_pack_does_not_have_is_damage(tmp_path):
-    pack, cell = of_line(Objects(tmp_path), LINE, number=1)
-    assert cell is None and pack.cells == 0
-
-
-@pytest.mark.parametrize("longer", [1, 27, 28, 10**9])
+@pytest.mark.parametrize("longer", [1, 28, 10**9])
 def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     cells = Objects(tmp_path)
     path = written(cells, 1).path
@@ -315,10 +225,8 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     "other",
     [
         {"output 0": np.zeros(1), "output 1": np.zeros(1, "f4")},
-        {"output 0": np.zeros(1), "output 1": np.zeros(1, ">f8")},
         {"output 0": np.zeros(1), "output 1": np.zeros((1, 1))},
         {"output 0": np.zeros(1), "output 2": np.zeros(1)},
-        {"output 1": np.zeros(1), "output 0": np.zeros(1)},
         {"output 0": np.zeros(1)},
         {"output 0": np.zeros(1), "output 1": np.zeros(1), "output 2": np.zeros(1)},
     ],
@@ -336,31 +244,18 @@ def test_only_what_a_stage_declares_is_found(tmp_path, other):
     assert index.find(keys(1), outputs).present.all()
 
 
-def test_a_sweep_without_descriptors_recomputes_and_deletes_nothing(tmp_path, monkeypatch):
-    cache = tmp_path / "cache"
-    go(tmp_path / "s.zarr", cache)
-    before = {name: content for name, content in files(cache).items() if name.endswith(".pack")}
-    with monkeypatch.context() as patch:
-        read_range, short = Objects.read_range, False
+def test_a_lack_of_descriptors_is_not_damage(tmp_path, monkeypatch):
+    cells = Objects(tmp_path)
+    pack = written(cells, 1)
 
-        def refused(cells, *arguments):
-            if short:
-                raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), str(cells.path))
-            return read_range(cells, *arguments)
+    def refused(*arguments):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
 
-        def found(index, *arguments, find=CellIndex.find):
-            nonlocal short
-            short = True  # from the first look-up on, after the index is read
-            packs._read_head.cache_clear()
-            return find(index, *arguments)
-
-        patch.setattr(Objects, "read_range", refused)
-        patch.setattr(CellIndex, "find", found)
-        with pytest.raises(OSError, match="Too many open files"):
-            go(tmp_path / "t.zarr", cache)
-    assert before.items() <= files(cache).items() and not (tmp_path / "t.zarr").exists()
-    go(tmp_path / "t.zarr", cache)
-    assert files(tmp_path / "t.zarr") == files(tmp_path / "s.zarr")
+    monkeypatch.setattr(Objects, "read_range", refused)
+    with pytest.raises(OSError, match="Too many open files"):
+        read_cells(cells, locations(pack.path, [0], [1]))
+    with pytest.raises(OSError, match="Too many open files"):
+        CellIndex(cells, print)
 
 
 def test_a_network_that_fails_is_not_damage(bucket, monkeypatch):
@@ -375,6 +270,5 @@ def test_a_network_that_fails_is_not_damage(bucket, monkeypatch):
     ):
         with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
             read(open_packs(bucket))
-        assert (
-            failed.value.errno == places.UNREACHABLE and failed.value.filename == f"{bucket}/cells"
-        )
+        assert failed.value.errno == places.UNREACHABLE
+        assert failed.value.filename == f"{bucket}/cells"
