@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import xarray as xr
 import yaml
-from running import ROOT, python
+from running import python
 
 from sweeps.engine.declare.stage import Stage
 from sweeps.engine.resolve import code, modules
@@ -38,9 +39,9 @@ def write(folder: Path, files: dict[str, str]) -> Path:
 @pytest.fixture
 def digest_in(monkeypatch):
     """Return a function that computes a digest of a folder's project as a new process would."""
-    loaded = set(sys.modules)
     # Bytecode of a file that is rewritten within a second, at the same size, counts as current.
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    loaded = set(sys.modules)
 
     def forget():
         for name in set(sys.modules) - loaded:
@@ -82,45 +83,37 @@ def test_exactly_the_files_behind_a_function_change_its_digest(tmp_path, digest_
     assert after.libraries == before.libraries
 
 
-def test_a_copy_elsewhere_has_the_same_digest_in_other_processes(tmp_path, digest_in):
+def test_a_copy_elsewhere_has_the_same_digest(tmp_path, digest_in):
     folder = write(tmp_path / "here", PROJECT)
     copy = shutil.copytree(folder, tmp_path / "over" / "there")
-    script = (
-        "import fleet.measure, sweeps.engine.resolve.code as code;"
-        "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest)"
-    )
-    printed = {
-        python("-c", script, PYTHONPATH=f"{path}:{ROOT}", PYTHONHASHSEED=seed).stdout.strip()
-        for seed, path in (("1", folder), ("2", copy))
-    }
-    assert printed == {digest_in(folder).digest}
+    assert digest_in(folder).digest == digest_in(copy).digest
 
 
-def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(tmp_path):
-    folder = write(tmp_path / "here", PROJECT)
-    script = (
-        "import fleet.measure; from sweeps.engine.resolve import code, modules;"
-        "print(code.Code(frozenset(['yard', 'fleet'])).digest(fleet.measure.length).digest);"
-        "modules.save_parsed_modules()"
-    )
+def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(
+    tmp_path, digest_in, monkeypatch
+):
+    home, folder = tmp_path / "home", write(tmp_path / "here", PROJECT)
+    monkeypatch.setattr(modules, "CACHE_FOLDER", home)
+    monkeypatch.setattr(modules, "_new", {})  # without what other tests have parsed
 
-    def digest() -> str:
-        variables = {"PYTHONPATH": f"{folder}:{ROOT}", "XDG_CACHE_HOME": str(tmp_path / "home")}
-        return python("-c", script, **variables).stdout.strip()
+    def digest():
+        modules._cached_modules.cache_clear()
+        found = digest_in(folder).digest
+        modules.save_parsed_modules()
+        return found
 
-    expected = digest()
-    [file] = (tmp_path / "home").rglob(CACHE_FILE)
+    expected, file = digest(), home / CACHE_FILE
     content = file.read_text()
-    assert not file.parent.stat().st_mode & 0o077
+    assert not home.stat().st_mode & 0o077
     assert digest() == expected and file.read_text() == content
-    for damaged in ("", "{", "[]", "7", content[:-9]):
+    for damaged in ("[]", content[:-9]):
         file.write_text(damaged)
         assert digest() == expected
         assert json.loads(file.read_text()) == json.loads(content)
     # The file is keyed by source and rule, and entries found under a key are used unchecked.
     file.write_text(re.sub(r'\["[0-9a-f]{32}",', f'["{32 * "0"}",', content))
     assert digest() != expected
-    file.parent.chmod(0o720)
+    home.chmod(0o720)
     assert digest() == expected
     assert json.loads(file.read_text()) == json.loads(content)
 
@@ -157,21 +150,6 @@ def test_ways_of_importing(tmp_path, digest_in, how):
     assert set(digest.parts) == names | {"code of fleet.measure.length"}
 
 
-def test_a_module_that_no_distribution_has_counts_by_its_source(tmp_path, digest_in):
-    measure = "import loose\ndef length():\n    return loose.x\n"
-    files = {"fleet/measure.py": measure, "loose.py": "x = 0\n"}
-    before = digest_in(write(tmp_path, files))
-    assert set(before.parts) == {"code of fleet.measure.length", "code of loose"}
-    assert digest_in(write(tmp_path, {"loose.py": "x = 1\n"})).digest != before.digest
-
-
-def test_a_library_counts_once_it_is_there(tmp_path, digest_in):
-    files = {"fleet/measure.py": "def length():\n    import loose\n    import no_such_library\n"}
-    before = digest_in(write(tmp_path, files))
-    assert set(before.parts) == {"code of fleet.measure.length"}
-    assert digest_in(write(tmp_path, {"loose.py": ""})).parts.keys() - before.parts.keys()
-
-
 def test_a_script_counts_like_a_module(tmp_path):
     script = (
         "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code\n"
@@ -186,6 +164,97 @@ def test_a_script_counts_like_a_module(tmp_path):
 
     before = run("script.py")
     assert before[1] == ["code of loose", "code of __main__.length"]
-    assert run("-m", "script") == run("-c", script) == before
+    assert run("-c", script) == before
     write(tmp_path, {"script.py": script.replace("return loose", "return 1, loose")})
     assert run("script.py")[0] != before[0]
+
+
+# changes of sources -------------------------------------------------------------------------------
+
+
+CHANGES = yaml.safe_load(Path(__file__).with_name("changes.yaml").read_text())
+FILES, DECLARED = CHANGES["files"], CHANGES["declared"]
+
+
+@pytest.fixture
+def digest_of(tmp_path, digest_in):
+    """Return a function that computes a digest of the project with some files replaced."""
+
+    def digest(files, module="fleet.late", function="late"):
+        found: str = digest_in(write(tmp_path, FILES | files), module, function).digest
+        return found
+
+    return digest
+
+
+def other(files):
+    """Return the files with each 2 replaced by 3."""
+    return {name: text.replace("2", "3") for name, text in files.items()}
+
+
+@pytest.mark.parametrize(
+    ("counts", "name", "old", "new"),
+    [
+        (counts, *change)
+        for counts in (False, True)
+        for change in CHANGES["other" if counts else "same"]
+    ],
+)
+def test_another_computation_alone_has_another_hash(digest_of, counts, name, old, new):
+    file = f"fleet/{name}.py"
+    text = FILES[file].replace(old, new, 1)
+    assert text != FILES[file]
+    digests = [digest_of(files, "fleet.measure", "length") for files in ({}, {file: text})]
+    assert (digests[0] != digests[1]) == counts
+
+
+@pytest.mark.filterwarnings("ignore:registration of accessor")
+@pytest.mark.parametrize(("late", "book"), CHANGES["whole"])
+def test_all_that_a_module_and_its_imports_do_counts(digest_of, late, book):
+    files = {"fleet/late.py": late, "fleet/rope.py": "BOOK = {}\n", "fleet/book/page.py": ""}
+    files["fleet/book/__init__.py"] = book
+    assert digest_of(files) != digest_of(other(files))
+
+
+@pytest.mark.parametrize("how", CHANGES["statements"])
+def test_statements_that_change_a_computation_count(digest_of, how):
+    late = DECLARED.format(CHANGES["statements"][how])
+    files = {"late": late, "bent": CHANGES["bent"], "loops": CHANGES["loops"]}
+    files = {f"fleet/{name}.py": text for name, text in files.items()}
+    assert digest_of(files) != digest_of(other(files))
+
+
+def test_the_order_of_statements_counts(digest_of):
+    late = DECLARED.format("GAIN = 2\nGAIN = 3\n@_stage()\ndef late(x):\n    return GAIN")
+    swapped = late.replace("GAIN = 2\nGAIN = 3", "GAIN = 3\nGAIN = 2")
+    assert digest_of({"fleet/late.py": late}) != digest_of({"fleet/late.py": swapped})
+
+
+def test_a_script_of_one_function_may_change_its_values(digest_of):
+    script = (
+        "import sweeps\ndef late(x):\n    return x\n"
+        "if __name__ == '__main__':\n    sweeps.sweep(late, {'x': [2]}, store='s.zarr')\n"
+    )
+    more = script.replace("[2]", "[2, 3]")
+    assert digest_of({"fleet/late.py": script}) == digest_of({"fleet/late.py": more})
+
+
+def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(tmp_path):
+    swept: str = CHANGES["swept"]
+    file, runs = tmp_path / "wood.py", tmp_path / "runs"
+
+    def run(text: str) -> tuple[int, str, float, str]:
+        """Run a script; return cells computed, a label and a table of the store, and messages."""
+        file.write_text(text)
+        runs.write_text("")
+        done = python(file, cwd=tmp_path, check=False)
+        ships = xr.open_zarr(tmp_path / "s.zarr", group="ships").load()
+        table = xr.open_zarr(tmp_path / "s.zarr", group="tables/wood").load()
+        return len(runs.read_text()), ships.length.long_name, float(table.length), done.stderr
+
+    assert run(swept) == (2, "length", 3, "")
+    text = swept.replace('label="length"', 'label="length of a ship"')
+    text = text.replace("    return 2", "    # twice\n    return 2")
+    assert run(text) == (0, "length of a ship", 3, "")
+    assert run(text.replace("ships.mean()", "ships.max()")) == (0, "length of a ship", 4, "")
+    assert "made by different code of length" in run(text.replace("2 * load", "3 * load"))[3]

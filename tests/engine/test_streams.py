@@ -35,28 +35,17 @@ def test_draws_of_a_stream_are_pinned(kind):
 
 def test_the_names_of_streams_are_pinned():
     """Streams have named settings, all settings, another stage's name, or optional settings."""
-    # Leave out the second output of the stage.
-    reduced = replace(noisy, outputs=noisy.outputs[:1])
-    stream = noisy.stream
-    stages = {
-        "named": reduced,
-        "every": replace(reduced, name="every", group=Group("a"), stream=None),
-        "shared": replace(
-            reduced, name="shared", group=Group("b"), stream=replace(stream, name="noisy")
-        ),
-        "optional": replace(
-            reduced,
-            name="optional",
-            group=Group("c"),
-            stream=Stream(stream.settings[:2], optional=stream.settings[2:]),
-        ),
-    }
-    experiment = having(SPRINGS, (*SPRINGS.stages[:3], *stages.values()), ())
+    every = replace(noisy, name="every", outputs=noisy.outputs[:1], group=Group("a"), stream=None)
+    stream = Stream((Spring.stiffness, Spring.mass), optional=(Measured.draw,))
+    optional = replace(every, name="optional", group=Group("b"), stream=stream)
+    experiment = having(SPRINGS, (*SPRINGS.stages, every, optional), ())
     plan = Plan(experiment, read_choices(SPRINGS.declared, {"seed": 3}))
     cell = 20  # the first length and draw of the last of 3 stiffnesses and 2 masses
     values = {"stiffness": 4.0, "mass": 2.0}
     expected = {
-        "named": {"stage": "noisy", **values, "draw": 0},
+        "noisy": {"stage": "noisy", **values, "draw": 0},
+        "trace": {"stage": "noisy", **values, "draw": 0},
+        "optional": {"stage": "optional", **values},
         "every": {
             "stage": "every",
             "spring.stiffness": 4.0,
@@ -66,11 +55,9 @@ def test_the_names_of_streams_are_pinned():
             "measured.draw": 0,
             "measured.pause": 0.0,
         },
-        "shared": {"stage": "noisy", **values, "draw": 0},
-        "optional": {"stage": "optional", **values},
     }
-    for kind, declared in stages.items():
-        assert plan.stream(plan.bound[declared.name], cell) == (3, expected[kind]), RAISE
+    for name, pinned in expected.items():
+        assert plan.stream(plan.bound[name], cell) == (3, pinned), RAISE
 
 
 class Left(Settings, key="left"):
