@@ -1,8 +1,8 @@
 """Stores return values bit for bit, open with zarr and xarray, and reveal damage."""
 
+import errno
 import json
 import os
-import resource
 import warnings
 
 import numpy as np
@@ -13,6 +13,7 @@ from small_stores import COUNTS, DIMS, SHAPE, array, coordinate, files, opened
 
 from sweeps.engine.cache.packs import seal
 from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.objects import Objects
 from sweeps.engine.run.cluster import InlineExecutor
 from sweeps.engine.store.arrays import Array, ArrayGroup
 from sweeps.engine.store.manifest import MANIFEST, verify
@@ -20,27 +21,13 @@ from sweeps.engine.store.tables import from_dataset, restore_scalars
 from sweeps.engine.store.targets import check_store_path
 from sweeps.engine.store.writing import read_attributes, write_store
 
-DTYPES = [
-    *("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64"),
-    *("float16", "float32", "float64"),
-]
-
-
-SIGNED = {"uint8": "int16", "uint16": "int32", "uint32": "int64"}
+DTYPES = ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8"]
+SIGNED = {"u1": "i2", "u2": "i4", "u4": "i8"}
 """Signed dtypes that hold all values of unsigned ones, which NetCDF 3 lacks."""
 
 
-def raw(path, name):
-    """Return values as they are stored."""
-    return zarr.open_array(path / name, mode="r")[...]
-
-
-def same_bits(first, second):
-    return (first.dtype, first.shape, first.tobytes()) == (
-        second.dtype,
-        second.shape,
-        second.tobytes(),
-    )
+def same_bits(*arrays):
+    return len({(array.dtype, array.shape, array.tobytes()) for array in arrays}) == 1
 
 
 def test_round_trip_of_every_dtype(tmp_path):
@@ -63,11 +50,10 @@ def test_round_trip_of_every_dtype(tmp_path):
     results = opened(path, "g")
     assert set(results) == set(values)
     for name, value in values.items():
-        block = raw(path, f"g/{name}")
+        block = zarr.open_array(path / f"g/{name}", mode="r")[...]
         if value.dtype.kind in "OTU":
             # texts of a fixed width, that of the longest, which can be plotted and learned
-            assert same_bits(results[name].values, value.astype(object).astype("U3"))
-            assert same_bits(block, results[name].values)
+            assert same_bits(block, results[name].values, value.astype(object).astype("U3"))
         else:
             native = value.astype(SIGNED.get(name, value.dtype.newbyteorder("=")))
             stored = native.astype("i1" if value.dtype.kind == "b" else native.dtype)
@@ -137,28 +123,24 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     path = tmp_path / "s.zarr"
     rule = coordinate((), np.array("otsu"))
     dimension = coordinate(("other",), np.arange(2.0))
-    groups = {
-        "classification/acn": ArrayGroup({"x": array(COUNTS), "rule": rule, "alone": dimension}),
-        "top": ArrayGroup({"x": array(COUNTS)}),
-        "classification": ArrayGroup({}, attrs={"title": "all"}),
-        "classification/mnn": ArrayGroup({"x": array(COUNTS + 1)}),
-    }
     table = xr.Dataset(
         {"p": ("ship", [0.5, np.nan]), "n": ("ship", [3, 0], {"units": "1"})},
         coords={"ship": ["a", "b"], "range": ("ship", [1.0, 2.0])},
         attrs={"title": "table", "level": np.float32(0.5)},
     )
-
-    # With these names, groups of one parent are not written one after the other.
-    late = ("tables/accuracy", "classification/late", "tables/more")
-    groups |= {name: from_dataset(table) for name in late}
+    groups = {
+        "classification/acn": ArrayGroup({"x": array(COUNTS), "rule": rule, "alone": dimension}),
+        "top": ArrayGroup({"x": array(COUNTS)}),
+        "classification": ArrayGroup({}, attrs={"title": "all"}),
+        "tables/accuracy": from_dataset(table),
+        "classification/late": from_dataset(table),  # not after its parent's other groups
+    }
     write_store(path, groups, {"seed": 3, "list": [1, None]})
     assert read_attributes(path) == {"seed": 3, "list": [1, None]}
-    assert verify(path) == []
-    names = {*groups, "tables"}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tree = xr.open_datatree(path, engine="zarr")
+        names = {*groups, "tables"}
         assert {node.path for node in tree.subtree} == {"/", *(f"/{name}" for name in names)}
         for name in names:
             read = xr.open_zarr(path, group=name, consolidated=True).load()
@@ -167,14 +149,11 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     assert tree["classification"].attrs == {"title": "all"}
     acn = tree["classification/acn"].to_dataset()
     assert set(acn.coords) == {"alone"} and acn.attrs["rule"] == "otsu"
-    assert (
-        set(restore_scalars(acn).coords) == {"rule", "alone"} and restore_scalars(acn).attrs == {}
-    )
-    np.testing.assert_array_equal(tree["classification/mnn"]["x"], COUNTS + 1)
-    for name in late:
-        results = opened(path, name)
-        assert results["ship"].values.tolist() == ["a", "b"]
-        xr.testing.assert_identical(results.drop_vars("ship"), table.drop_vars("ship"))
+    restored = restore_scalars(acn)
+    assert set(restored.coords) == {"rule", "alone"} and restored.attrs == {}
+    results = opened(path, "classification/late")
+    assert results["ship"].values.tolist() == ["a", "b"]
+    xr.testing.assert_identical(results.drop_vars("ship"), table.drop_vars("ship"))
 
 
 @pytest.mark.parametrize(
@@ -237,27 +216,23 @@ def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
     assert noticed > 0.9 * len(content)
 
 
-@pytest.mark.parametrize("read", [verify, read_attributes, check_store_path])
-def test_too_many_open_files_are_no_damage(tmp_path, read):
+def test_too_many_open_files_are_no_damage(tmp_path, monkeypatch):
     path = tmp_path / "s.zarr"
-    write_store(path, {"g": ArrayGroup({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
-    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
-    last = os.open(os.devnull, os.O_RDONLY)
-    try:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (last, limits[1]))
-        with pytest.raises((OSError, ConfigurationError), match="Too many open files"):
+    write_store(path, {"g": ArrayGroup({"x": array(COUNTS)})}, {})
+
+    def refused(objects, name):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr(Objects, "get_versioned", refused)
+    for read in (verify, read_attributes, check_store_path):
+        with pytest.raises(OSError, match="Too many open files"):
             read(path)
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-        os.close(last)
-    assert verify(path) == []
 
 
-FOREIGN = [b"", b"{}", b'{"files":3}', b"[" * 10**5, b"\xff"]
-SEALED = [seal(document) for document in (None, 1, [], "a", {"a": None}, {"a": [1]})]
+FOREIGN = [b"", b"{}", b"[" * 10**5, b"\xff", seal(None), seal([]), seal({"a": None})]
 
 
-@pytest.mark.parametrize("content", FOREIGN + SEALED)
+@pytest.mark.parametrize("content", FOREIGN)
 def test_a_foreign_manifest_is_one_sentence(tmp_path, content):
     path = tmp_path / "s.zarr"
     assert read_attributes(path) is None
