@@ -1,5 +1,6 @@
 """Executors of all kinds return equal results and errors, run one task a process, check code."""
 
+import os
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -11,6 +12,7 @@ import executors
 import numpy as np
 import pytest
 from distributed.security import Security
+from running import python
 from small_stores import contents, files
 from threadpoolctl import threadpool_limits
 from toys import go
@@ -27,12 +29,14 @@ pytestmark = pytest.mark.usefixtures("at_a_terminal")
 
 
 @pytest.fixture
-def inline():
-    with (
-        threadpool_limits(2),
-        open_executor(ClusterChoice(kind="inline"), say=executors.silent) as run,
-    ):
+def inline(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    choice = ClusterChoice(kind="inline")
+    with threadpool_limits(2), open_executor(choice, say=executors.silent) as run:
+        before = executors.blas_threads()
         yield run
+        assert executors.blas_threads() == before
+    assert os.environ["OMP_NUM_THREADS"] == "7"
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +92,11 @@ def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(a
         assert all(a[3] <= b[2] for a, b in pairwise(tasks))
 
 
+def test_numerical_libraries_use_one_thread(any_executor):
+    assert set(executors.result_of(any_executor, executors.blas_threads)) == {1}
+    assert executors.result_of(any_executor, os.environ.get, "OMP_NUM_THREADS") == "1"
+
+
 # -- a scheduler at an address
 
 
@@ -107,44 +116,48 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     running, place, tmp_path, monkeypatch
 ):
     """Each chunk of cells is sent once, to one worker; the command writes manifest and metadata."""
-    sent, local = Counter(), []
+    sent, local = Counter(), set()
     submit, put = dask_cluster.DaskExecutor.submit, Objects.put
 
     def submitted(run, number, function, *arguments):
         if function is write_on_worker:
-            objects, chunks = arguments
-            assert isinstance(objects.path, str) or objects.path.is_absolute()
-            sent.update(name for name, *_ in chunks)
+            sent.update(name for name, *_ in arguments[1])
         submit(run, number, function, *arguments)
 
     def putting(objects, name, content):
-        local.append(name)
+        local.add(name)
         put(objects, name, content)
 
     monkeypatch.chdir(tmp_path)
+    cache, store = tmp_path / "cache", Path("s.zarr") if place == tmp_path else f"{place}/s.zarr"
+    go(store, cache, kind=running)
+    before = files(store).keys()
     monkeypatch.setattr(dask_cluster.DaskExecutor, "submit", submitted)
     monkeypatch.setattr(Objects, "put", putting)
-    cache, store = tmp_path / "cache", Path("s.zarr") if place == tmp_path else f"{place}/s.zarr"
-    for masses in ([1, 2], [1, 2, 3]):
-        before = set(files(store))
-        sent.clear()
-        local.clear()
-        go(store, cache, kind=running, spring__mass=masses)
-        new = {name for name in files(store) if name not in before}
-        expected = {name for name in new if name.startswith(("springs/period/", "answers/answer/"))}
-        assert {name for name in expected if not name.endswith(METADATA)} <= sent.keys()
-        assert set(sent.values()) == {1} and sent.keys() <= new and not sent.keys() & set(local)
-        assert {"manifest", METADATA, "springs/mass/zarr.json"} <= set(local)
-        go(tmp_path / f"{len(masses)}.zarr", cache, spring__mass=masses)
-        assert contents(store) == contents(tmp_path / f"{len(masses)}.zarr")
+    go(store, cache, kind=running, spring__mass=[1, 2, 3])
+    new = files(store).keys() - before
+    chunks = {name for name in new if name.startswith(("springs/period/", "answers/answer/"))}
+    assert chunks <= sent.keys() <= new and not sent.keys() & local
+    assert set(sent.values()) == {1}
+    assert {"manifest", METADATA, "springs/mass/zarr.json"} <= local
+    go(tmp_path / "t.zarr", cache, spring__mass=[1, 2, 3])
+    assert contents(store) == contents(tmp_path / "t.zarr")
 
 
-def test_a_worker_writes_what_a_store_awaits_and_nothing_elsewhere(tmp_path):
-    array = Array.from_values(("x",), np.arange(3))
-    chunks = [(name, array, (slice(0, 3),)) for name in ("g/x/c.0", "g/x/c.1")]
-    store = Objects(tmp_path / "s.zarr")
-    assert write_on_worker(store, chunks) == {} and not store.path.exists()
-    Manifest(pending_chunks=["g/x/c.1"]).put(Objects(store.path, create=True))
+def test_a_worker_writes_what_a_store_awaits_until_the_manifest_changes(tmp_path):
+    def read(region):
+        Manifest().put(store)  # by another command, while the chunk is read
+        return np.arange(3)
+
+    store, array = (
+        Objects(tmp_path / "s.zarr", create=True),
+        Array.from_values(("x",), np.arange(3)),
+    )
+    names = [f"g/x/c.{k}" for k in range(4)]
+    arrays = array, array, replace(array, read=read), array
+    chunks = [(name, array, (slice(0, 3),)) for name, array in zip(names, arrays, strict=True)]
+    assert write_on_worker(Objects(store.path), chunks[:2]) == {} and files(store.path) == {}
+    Manifest(pending_chunks=names[1:]).put(store)
     assert write_on_worker(Objects(store.path), chunks).keys() == {"g/x/c.1"}
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
@@ -166,20 +179,6 @@ def test_workers_that_leave_while_a_store_is_written_are_sent_nothing_more(tmp_p
     chunks = [SimpleNamespace(name=f"c.{k}", array=array, region=()) for k in range(100)]
     assert _write_remotely(Objects(tmp_path), chunks, Leaving()) == {}
     assert Leaving.numbers == []
-
-
-def test_a_worker_stops_writing_when_the_manifest_changes(tmp_path):
-    def read(region):
-        Manifest().put(store)  # by another command, while the chunk is read
-        return np.arange(3)
-
-    store, names = Objects(tmp_path / "s.zarr", create=True), ["g/x/c.0", "g/x/c.1", "g/x/c.2"]
-    Manifest(pending_chunks=names).put(store)
-    array = Array.from_values(("x",), np.arange(3))
-    arrays = array, replace(array, read=read), array
-    chunks = [(name, array, (slice(0, 3),)) for name, array in zip(names, arrays, strict=True)]
-    assert write_on_worker(Objects(store.path), chunks).keys() == {"g/x/c.0"}
-    assert sorted(files(store.path)) == ["g/x/c.0", "manifest"]
 
 
 @pytest.mark.usefixtures("impatient")
@@ -219,3 +218,28 @@ def test_workers_that_do_not_see_a_folder_are_refused(running, tmp_path):
         rf"the cache '{packs.path}' of this command; put it where all workers see it",
         packs=packs,
     )
+
+
+# imports ------------------------------------------------------------------------------------------
+
+
+IMPORTERS = """
+import sys, threading, toys
+
+importers = set()
+
+def note(event, arguments):
+    if event == "import" and arguments[0].partition(".")[0] in {"dask", "distributed"}:
+        if not hasattr(sys.modules.get("sweeps.engine.run.dask_cluster"), "DaskExecutor"):
+            importers.add(threading.get_ident())
+
+sys.addaudithook(note)
+toys.go("s.zarr", "cache", "local", 1)
+print(len(importers))
+"""
+
+
+def test_no_two_threads_import_dask_at_once(tmp_path):
+    """The modules of dask import each other: a second thread could see a half-imported one."""
+    done = python("-c", IMPORTERS, cwd=tmp_path, PYTHONPATH=executors.IMPORTS)
+    assert done.stdout.split()[-1] == "1"
