@@ -3,59 +3,31 @@
 Either the sweep itself or a repeat of its command makes the store of an undisturbed run.
 """
 
-import errno
-import json
 import os
 import signal
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
-from cut_off import MARKS, MINUTE
 from executors import IMPORTS, cluster_at, eventually, meanwhile, running_server
-from running import python
-from small_stores import files, opened
+from small_stores import contents, files, opened
 from toys import SPRINGS, Few, go, run_few
 
 from sweeps.engine import sweeping as run
+from sweeps.engine.cache import packs
 from sweeps.engine.command.line import Command
-from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.engine.run import dask_cluster, progress
-from sweeps.engine.store import provenance
 
 pytestmark = pytest.mark.usefixtures("at_a_terminal")
-SPRINGS_COMMAND = (
-    "import sys; from toys import SPRINGS; from sweeps.engine.command.line import Command; "
-    "sys.exit(Command(SPRINGS).main())"
-)
-SEARCH = f"{IMPORTS}:{Path(__file__).parents[1]}"
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """Return the files of the store of an undisturbed run."""
-    path = tmp_path_factory.mktemp("whole") / "s.zarr"
-    go(path)
-    return files(path)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def cut_off(tmp_path_factory):
-    """Run a sweep with a worker stopped for a minute, in parallel with the other tests."""
-    folder = tmp_path_factory.mktemp("cut_off")
-    script, environment = (
-        Path(__file__).with_name("cut_off.py"),
-        os.environ | {"PYTHONPATH": SEARCH},
-    )
-    command = [sys.executable, script, folder]
-    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
-        yield folder, process
-        process.terminate()
+MARKS = "SWEEP_TEST_MARKS"  # environment variable that holds the path of the folder of marks
+DAY = 86_400.0  # s
 
 
 # -- workers
@@ -63,24 +35,20 @@ def cut_off(tmp_path_factory):
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def mortal(size):
-    """Kill the worker when a size that is not spared is computed for the first time."""
-    folder = Path(os.environ[MARKS])
-    if not (folder / f"spared {size}").exists():
-        (folder / f"spared {size}").touch()
+    """Kill the worker when a size is computed for the first time."""
+    mark = Path(os.environ[MARKS]) / f"spared {size}"
+    if not mark.exists():
+        mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return size**0.5
+    return size
 
 
-@pytest.mark.parametrize("deaths", [1, 3, 4], ids=["once", "three times", "all"])
-def test_workers_that_are_killed_are_replaced(deaths, tmp_path, monkeypatch):
+def test_workers_that_are_killed_are_replaced(tmp_path, monkeypatch):
     monkeypatch.setenv(MARKS, str(tmp_path))
     monkeypatch.setattr(dask_cluster, "CHECK_INTERVAL", 0.1)
-    sizes = range(1, 5)
-    for size in sizes[deaths:]:
-        (tmp_path / f"spared {size}").touch()
-    finished = run_few([mortal], tmp_path / "s.zarr", sizes=sizes, kind="local", workers=2)
-    assert finished.failures == [] and len(list(tmp_path.glob("spared *"))) == 4
-    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in sizes]
+    finished = run_few([mortal], tmp_path / "s.zarr", kind="local", workers=2)
+    assert finished.failures == [] and len(list(tmp_path.glob("spared *"))) == 3
+    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [1, 2, 3]
 
 
 def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
@@ -132,6 +100,66 @@ def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
     assert files(store) == files(tmp_path / "t.zarr")
 
 
+# -- drivers
+
+
+SPRINGS_IN_A_TERMINAL = """
+import signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+from sweeps.engine.command.line import Command
+from toys import SPRINGS
+sys.exit(Command(SPRINGS).main("cluster.workers=2 cache=c store=s.zarr measured.pause=0.3".split()))
+"""
+
+
+def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
+    """SIGHUP goes to the whole process group: the command, its workers and the fork server."""
+    options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": IMPORTS}}
+    options |= {"stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    command = subprocess.Popen([sys.executable, "-c", SPRINGS_IN_A_TERMINAL], **options)
+    eventually(lambda: list(tmp_path.glob("c/**/*.pack")))
+    os.killpg(command.pid, signal.SIGHUP)
+    _, errors = command.communicate(timeout=60)
+    assert command.returncode == 128 + signal.SIGHUP
+    assert {line.partition(" ")[0] for line in errors.splitlines()} == {"springs:"}, errors
+    assert errors.endswith("springs: stopped by SIGHUP; the same command resumes the sweep\n")
+
+
+DRIVER = """
+from toys import go
+
+if __name__ == "__main__":
+    go("s.zarr", "cache", "local", 2, measured__pause=0.3)
+"""
+
+
+def test_a_driver_that_is_killed_ends_its_workers_and_the_next_run_resumes(tmp_path):
+    (tmp_path / "driver.py").write_text(DRIVER)
+    options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": IMPORTS}}
+    store, cache = tmp_path / "s.zarr", tmp_path / "cache"
+    with subprocess.Popen([sys.executable, "driver.py"], **options) as driver:
+        eventually(lambda: list(cache.rglob("*.pack")))
+        children = psutil.Process(driver.pid).children(recursive=True)
+        driver.kill()
+
+    def ended(process):
+        try:
+            return process.status() == psutil.STATUS_ZOMBIE
+        except psutil.NoSuchProcess:
+            return True
+
+    assert len(children) > 2
+    eventually(lambda: all(map(ended, children)))
+    packs = len(list(cache.rglob("*.pack")))
+    assert not store.exists()
+    finished = go(store, cache, measured__pause=0.3)
+    # Each pack, of any stage, has at least one cell.
+    assert sum(progress.reused for progress in finished.progress.values()) >= packs
+    go(tmp_path / "t.zarr", cache, measured__pause=0.3)
+    assert files(store) == files(tmp_path / "t.zarr")
+    assert not (tmp_path / ".s.zarr.lock").exists()
+
+
 # -- disks
 
 
@@ -153,10 +181,8 @@ def disk(folder, size):
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-@pytest.mark.parametrize(
-    ("full", "kind"), [("store", "inline"), ("cache", "inline"), ("cache", "local")]
-)
-def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, whole, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(("full", "kind"), [("store", "inline"), ("cache", "local")])
+def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = [f"cluster={kind}", "store=s.zarr", "cache=cache", f"{full}=disk/here"]
     with disk(tmp_path / "disk", "24k") as enlarge:
@@ -172,16 +198,8 @@ def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, whole, tmp_path, monk
         counted = capsys.readouterr().err.splitlines()[0]
         assert counted.endswith("0 cells to compute, 74 reused from the cache") or full == "cache"
         assert " 0 reused" not in counted
-        assert files(store) == whole
-
-
-def test_a_full_temporary_folder_is_not_used(whole, tmp_path):
-    arguments = ["-c", SPRINGS_COMMAND, "store=s.zarr", "cache=cache", "cluster.workers=2"]
-    with disk(tmp_path / "disk", "8k"):
-        (tmp_path / "disk" / "full").write_bytes(bytes(8192))
-        done = python(*arguments, cwd=tmp_path, PYTHONPATH=IMPORTS, TMPDIR=str(tmp_path / "disk"))
-    assert "No space" not in done.stderr
-    assert files(tmp_path / "s.zarr") == whole
+        go(tmp_path / "t.zarr")
+        assert files(store) == files(tmp_path / "t.zarr")
 
 
 # -- memory
@@ -189,37 +207,13 @@ def test_a_full_temporary_folder_is_not_used(whole, tmp_path):
 
 @stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
 def greedy(size):
-    """Return a sum that needs 64 GiB of memory for size 2."""
-    return np.ones(2**33 if size == 2 else 1).sum()
+    """Return a sum that needs more memory than any machine has for size 2."""
+    return np.ones(2**50 if size == 2 else 1).sum()
 
 
-FEW_COMMAND = """
-import resource, sys
-import test_survival
-from toys import of
-from sweeps.engine.command.line import Command
-if __name__ == "__main__":
-    name, limit, *given = sys.argv[1:]
-    resource.setrlimit(resource.RLIMIT_AS, (int(limit), -1))
-    sys.exit(Command(of(getattr(test_survival, name))).main(given))
-"""
-
-
-def test_a_limit_of_memory_is_a_sentence_that_names_the_stage(tmp_path):
-    (tmp_path / "few.py").write_text(FEW_COMMAND)
-    arguments = [
-        "few.py",
-        "greedy",
-        2**35,
-        "few.size=[1,2,3]",
-        "store=s.zarr",
-        "cache=cache",
-        "cluster=local",
-    ]
-    done = python(*arguments, cwd=tmp_path, check=False, PYTHONPATH=SEARCH)
-    assert done.returncode == 1 and "Traceback" not in done.stderr
-    failed = "few: 1 cell failed: greedy size=2 (MemoryError: Unable to allocate 64.0 GiB for"
-    assert done.stderr.splitlines()[-1].startswith(failed)
+def test_a_cell_without_memory_fails_alone(tmp_path):
+    [(name, why)] = run_few([greedy], tmp_path / "s.zarr").failures
+    assert name == "greedy size=2" and why.startswith("MemoryError: Unable to allocate 8.00 PiB")
     assert opened(tmp_path / "s.zarr", "all").x.isnull().values.tolist() == [False, True, False]
 
 
@@ -236,78 +230,16 @@ def test_a_command_without_memory_is_a_sentence(monkeypatch, tmp_path, capsys):
     )
 
 
-# -- versions
-
-
-def test_a_store_of_another_version_is_a_sentence(monkeypatch, tmp_path):
-    go(tmp_path / "s.zarr")
-    before = files(tmp_path / "s.zarr")
-    now = provenance.versions
-    monkeypatch.setattr(provenance, "versions", lambda plan: now(plan) | {"dask": "9.0"})
-    with pytest.raises(
-        ConfigurationError, match="which was made by a different version of dask; give"
-    ):
-        go(tmp_path / "s.zarr", spring__mass=[1, 2, 3])
-    assert files(tmp_path / "s.zarr") == before
-
-
 # -- clocks
 
-LIBRARY = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
-TRIES = 5  # on a busy machine, libfaketime refuses to sleep until a time that has just passed
 
-
-@stage(Output("x", label="x", dtype="f8"), uses=(Few,), group=Group("all"))
-def jumping(size):
-    """Return a number; make the clock jump when size 3 is computed for the first time."""
-    folder = Path(os.environ[MARKS])
-    if size == 3 and not (folder / "jumped").exists():
-        before = time.time()
-        (folder / "clock").write_text(os.environ["JUMP"])
-        while abs(time.time() - before) < 3600:
-            pass
-        (folder / "jumped").touch()
-    return size**0.5
-
-
-@pytest.mark.skipif(LIBRARY is None, reason="no libfaketime here (apt install faketime)")
-@pytest.mark.parametrize(("kind", "days"), [("inline", -3), ("local", 3)])
-def test_a_clock_that_jumps_changes_nothing(kind, days, tmp_path):
-    """The clock jumps while a cell is computed, after other cells were.
-
-    With workers it jumps only forwards: dask delays a message to the next whole milliseconds of
-    this clock (`distributed.batched`), and so for days if the clock is set back meanwhile.
-    """
-    (tmp_path / "clock").write_text("+0")
-    variables = {"LD_PRELOAD": str(LIBRARY), "FAKETIME_TIMESTAMP_FILE": str(tmp_path / "clock")}
-    variables |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
-    variables |= {MARKS: str(tmp_path), "JUMP": f"{days:+}d"}
-    (tmp_path / "few.py").write_text(FEW_COMMAND)
-    arguments = ["few.py", "jumping", 2**40, "few.size=[1,2,3,4,5,6]", f"cluster={kind}"]
-    arguments += ["store=s.zarr", "cache=cache", "cluster.workers=2"][: 3 if kind == "local" else 2]
-    for _ in range(TRIES):
-        done = python(*arguments, cwd=tmp_path, check=False, PYTHONPATH=SEARCH, **variables)
-        if done.returncode == 0 or os.strerror(errno.EINVAL) not in done.stderr:
-            break
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "jumped").exists()
-    sizes = range(1, 7)
-    resumed = run_few([jumping], tmp_path / "t.zarr", tmp_path / "cache", sizes)
-    assert resumed.progress["jumping"].reused == 6
-    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
-    assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in sizes]
-
-
-# -- the sweep of the fixture `cut_off`, which began with the first test of this file
-
-
-def test_a_worker_that_is_cut_off_for_a_minute_goes_on(cut_off):
-    """With default timeouts, the worker completes its cell, and no cell is computed twice."""
-    folder, process = cut_off
-    out, _ = process.communicate(timeout=300)
-    result = json.loads(out)
-    assert result["failures"] == [] and result["took"] > MINUTE
-    marks = sorted([int(number) for number in mark.name.split()] for mark in folder.glob("* * *"))
-    assert [cell for cell, *_ in marks] == [*range(1, 7)]
-    assert {worker for _, worker, _ in marks} > {result["victim"]}
-    assert opened(folder / "s.zarr", "all").x.values.tolist() == [n**0.5 for n in range(1, 7)]
+def test_a_clock_that_jumps_changes_nothing(tmp_path, monkeypatch):
+    """Whoever asks this process for the time finds it three days later, or as much earlier."""
+    now, later = time.time(), cycle([False, True])
+    monkeypatch.setattr(time, "time", lambda: now + 3 * DAY * next(later))
+    monkeypatch.setattr(packs, "time_ns", lambda: int(time.time() * 1e9))
+    go(tmp_path / "s.zarr", tmp_path / "cache", spring__mass=1)
+    go(tmp_path / "s.zarr", tmp_path / "cache")
+    resumed = go(tmp_path / "t.zarr", tmp_path / "cache")
+    assert sum(progress.done for progress in resumed.progress.values()) == 0
+    assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
