@@ -12,7 +12,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from small_stores import opened
+from running import ROOT
 
 import ncti
 import sweeps
@@ -41,8 +41,7 @@ def noise(sigma, rng):
 
 def mixed(word, flag, size):
     """Return a number computed from values of three types."""
-    assert isinstance(size, int)
-    return len(word) * size if flag else 0
+    return len(word) * size if flag and isinstance(size, int) else 0
 
 
 def area(x, y):
@@ -57,10 +56,10 @@ def own(own):
     return own
 
 
-def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
+def test_a_function_over_a_grid_is_resumed_and_extended(sweep):
     def run(**values):
         CALLS.clear()
-        return sweeps.sweep(product, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
+        return sweep(product, values)
 
     results = run(x=[2, 1], y=np.array([0.5, 1.5]))
     assert results["product"].dims == ("x", "y") and len(CALLS) == 4
@@ -68,45 +67,35 @@ def test_a_function_over_a_grid_is_resumed_and_extended(tmp_path):
     assert run(x=[1, 2], y=[0.5, 1.5]).equals(results) and not CALLS
     more = run(x=[1, 2, 3], y=[0.5, 1.5])
     assert CALLS == [(3, 0.5), (3, 1.5)] and more.sel(x=[1, 2]).equals(results)
-    options = {"store": tmp_path / "t.zarr", "cache": tmp_path / "d", "cluster": "local"}
-    elsewhere = sweeps.sweep(product, {"x": [1, 2], "y": [0.5, 1.5]}, **options)
-    assert elsewhere.equals(results) and len(CALLS) == 2  # worker processes made the other calls
-    both = (
-        r"values\['x'\] is 4, but .* has 1, 2, 3: give values={'x': \[1, 2, 3, 4\], ...} to have bo"
-    )
+    scale, values = 2.0, {"x": [1, 2], "y": [0.5, 1.5]}
+    elsewhere = sweep(lambda x, y: scale * x * y, values, store="t", cluster="local")
+    np.testing.assert_array_equal(elsewhere.result, results["product"])
+    both = r"values\['x'\] is 4, but .* has 1, 2, 3: give values={'x': \[1, 2, 3, 4\], ...} to ha"
     with pytest.raises(ConfigurationError, match=both):
         run(x=[4], y=[0.5, 1.5])
 
 
-def test_arrays_noise_and_values_of_other_types(tmp_path):
-    def run(function, values, **options):
-        store, cache = tmp_path / f"{function.__name__}.zarr", tmp_path / "c"
-        return sweeps.sweep(function, values, store=store, cache=cache, **options)
-
-    assert run(powers, {"base": [2.0]}, dims=("power",)).powers.values.tolist() == [[1, 2, 4, 8]]
-    first = run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise
-    assert first.equals(run(noise, {"sigma": [1.0, 2.0]}, seed=3).noise)
-    assert first[0] != first[1] / 2  # each cell has its own random stream
-    results = run(
-        mixed, {"word": ["bow", "stern"], "flag": [False, True], "size": [1, 2]}, dtype="i4"
-    )
+def test_arrays_noise_and_values_of_other_types(sweep):
+    found = sweep(powers, {"base": [2.0]}, dims=("power",), store="powers")
+    assert found.powers.values.tolist() == [[1, 2, 4, 8]]
+    first, again = (sweep(noise, {"sigma": [1.0, 2.0]}, seed=3, store=name) for name in "ab")
+    assert first.equals(again)
+    assert first.noise[0] != first.noise[1] / 2  # each cell has its own random stream
+    values = {"word": ["bow", "stern"], "flag": [False, True], "size": [1, 2]}
+    results = sweep(mixed, values, dtype="i4", store="mixed")
     assert results.mixed.sel(word="stern", flag=True, size=2) == 10
 
 
-def test_a_function_may_have_the_name_of_the_group_of_states(tmp_path):
+def test_a_function_may_have_the_name_of_the_group_of_states(sweep):
     def status(x):
         return 2 * x
 
-    results = sweeps.sweep(status, {"x": [1, 2]}, store=tmp_path / "s.zarr", cache=tmp_path / "c")
-    assert results.status.values.tolist() == [2, 4]
-    assert opened(tmp_path / "s.zarr", "status").status.values.tolist() == [1, 1]
+    assert sweep(status, {"x": [1, 2]}).status.values.tolist() == [2, 4]
 
 
-def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
-    values = {"base": [-1.0, 2.0]}
-    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "dims": ("power",)}
+def test_what_failed_is_named_and_the_rest_is_kept(sweep):
     with pytest.warns(CallsFailedWarning) as warned:
-        results = sweeps.sweep(powers, values, **options)
+        results = sweep(powers, {"base": [-1.0, 2.0]}, dims=("power",))
     np.testing.assert_array_equal(results.powers, [[np.nan] * 4, [1, 2, 4, 8]])
     lines = str(warned[0].message).splitlines()
     assert lines[:3] == [
@@ -124,20 +113,11 @@ def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
         (product, {"x": [1], "z": [1]}, "values has 'z', but product takes x, y, scale"),
         (product, {"x": [], "y": [1]}, r"values\['x'\] is empty"),
         (product, {"x": [1, 1], "y": [1]}, "more than once"),
-        (
-            product,
-            {"x": [1, "a"], "y": [1]},
-            r"values\['x'\] has 'a', but every value must be a fini",
-        ),
+        (product, {"x": [1, "a"], "y": [1]}, r"values\['x'\] has 'a', but every value must be a f"),
         (product, {"x": 5, "y": [1]}, r"values\['x'\] is 5, but must be .* alone is {'x': \[5\]}"),
-        (product, {"x": "abc", "y": [1]}, "one alone is {'x': .'abc'.}"),
         (product, {"x": np.ones((2, 2)), "y": [1]}, "is an array of 2 dimensions, but must have"),
-        (product, {"x": [1, 10**30], "y": [1]}, "has 10+, but every value must be a whole number"),
         (product, {"x": [-(2**63) - 1], "y": [1]}, "has -9223372036854775809, but every value mu"),
-        (product, {"x": [1 + 2j], "y": [1]}, "must be a finite number"),
         (product, {"x": [np.nan], "y": [1]}, "has nan, but every value must be a finite number"),
-        (product, {"x": [None], "y": [1]}, "has None, but every value must be a finite number"),
-        (product, {"x": np.array([3], "m8[ns]"), "y": [1]}, "must be a finite number"),
         (product, {"x": np.array(["NaT"], "M8[s]"), "y": [1]}, "a time from 1678 to 2261"),
         (product, {"x": [datetime(1, 1, 1)], "y": [1]}, "a time from 1678 to 2261"),
         (product, {"x": [datetime(2020, 1, 1, tzinfo=UTC)], "y": [1]}, "without a zone"),
@@ -145,27 +125,17 @@ def test_what_failed_is_named_and_the_rest_is_kept(tmp_path):
         (noise, {"sigma": [1], "rng": [1]}, "values has 'rng', a reserved name"),
         (positional, {"a": [1]}, "positional takes 'a' by position only, .* lambda a: positional"),
         (product, {"x": [1]}, "values lacks 'y', which product takes"),
-        (product, {"product": [1]}, "values has 'product', but product takes x, y, scale"),
         (own, {"own": [1]}, "own is named like the setting own.own; rename one of them"),
-        (np.sin, {"x": [1]}, "sin takes 'x' by position only"),
         (partial(product, 1), {"x": [1]}, "values has 'x', but product takes y, scale"),
         (product, dict.fromkeys("xy", range(10**4)), "has 100,000,000 cells, but may have at most"),
-        (lambda *args: 1, {"x": [1]}, "takes no name"),
         (min, {"x": [1]}, "function is min, whose arguments Python cannot inspect"),
         (3, {"x": [1]}, "function is 3, but must be a callable"),
     ],
 )
-def test_mistakes_are_named(tmp_path, function, values, sentence):
+def test_mistakes_are_named(sweep, tmp_path, function, values, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
-        sweeps.sweep(function, values, store=tmp_path / "s.zarr", cache=tmp_path / "c")
-    assert not (tmp_path / "s.zarr").exists()
-
-
-def leaving(a):
-    """Exit for 2, as a parser of arguments does."""
-    if a == 2:
-        sys.exit(3)
-    return a
+        sweep(function, values)
+    assert list(tmp_path.iterdir()) == []
 
 
 def ending(a):
@@ -181,28 +151,24 @@ def moving(a):
     return a
 
 
-@pytest.mark.parametrize("cluster", ["inline", "local"])
-def test_a_call_that_exits_fails(tmp_path, cluster):
-    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c", "cluster": cluster}
-    with pytest.warns(CallsFailedWarning, match="leaving a=2: SystemExit: 3"):
-        results = sweeps.sweep(leaving, {"a": [1, 2, 3]}, **options)
-    np.testing.assert_array_equal(results.leaving, [1, np.nan, 3])
+def test_a_call_that_exits_fails(sweep):
+    with pytest.warns(CallsFailedWarning, match="result a=2: SystemExit: 3"):
+        results = sweep(lambda a: sys.exit(3) if a == 2 else a, {"a": [1, 2, 3]})
+    np.testing.assert_array_equal(results.result, [1, np.nan, 3])
 
 
-def test_a_call_that_kills_its_process_kills_no_other(tmp_path):
+def test_a_call_that_kills_its_process_kills_no_other(sweep):
     """This also holds for a stage that an earlier sweep has shown to be quick."""
-    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    assert sweeps.sweep(ending, {"a": [1]}, **options).ending.item() == 1
+    assert sweep(ending, {"a": [1]}).ending.item() == 1
     with pytest.warns(
         CallsFailedWarning, match="ending a=2: RuntimeError: the worker process died"
     ):
-        results = sweeps.sweep(ending, {"a": [1, 2, 3]}, cluster="local", **options)
+        results = sweep(ending, {"a": [1, 2, 3]}, cluster="local")
     np.testing.assert_array_equal(results.ending, [1, np.nan, 3])
 
 
-def test_relative_paths_are_where_the_command_was_given(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    sweeps.sweep(moving, {"a": [1, 2]}, store="s.zarr", cache="c")
+def test_relative_paths_are_where_the_command_was_given(sweep, tmp_path):
+    sweep(moving, {"a": [1, 2]})
     assert os.getcwd() == str(tmp_path) and sorted(os.listdir()) == ["c", "s.zarr"]
 
 
@@ -217,12 +183,10 @@ def double(a):
 """
 
 
-@pytest.mark.parametrize("way", ["script", "-c", "stdin"])
-def test_workers_of_a_script_a_word_and_a_prompt(tmp_path, way):
+@pytest.mark.parametrize("way", ["-c", "stdin"])
+def test_workers_of_a_word_and_a_prompt(tmp_path, way):
     code = DOUBLE.format(guard="if __name__ == '__main__':")
-    (tmp_path / "job.py").write_text(code)
-    arguments = {"script": ["job.py"], "-c": ["-c", code], "stdin": ["-"]}[way]
-    ran = begun(arguments, tmp_path, code)
+    ran = begun(["-c", code] if way == "-c" else ["-"], tmp_path, code)
     assert (ran.stdout, ran.stderr, ran.returncode) == ("[2.0, 4.0]\n", "", 0)
 
 
@@ -231,30 +195,22 @@ def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
     ran = begun(["job.py"], tmp_path)
     lines = ran.stderr.splitlines()
     assert ran.returncode == 1 and len(lines) < 10
-    assert lines[-1] == (
-        "sweeps.engine.declare.errors.ConfigurationError: cluster is local, whose workers run "
-        'job.py again, but line 8 of it is not guarded; put it under `if __name__ == "__main__":`, '
-        "or use inline"
-    )
+    assert "cluster is local, whose workers run job.py again, but line 8 of it" in lines[-1]
 
 
 def begun(arguments, folder, text=""):
     """Run Python; return the completed process with its output."""
-    path = os.pathsep.join(filter(None, (os.getcwd(), os.environ.get("PYTHONPATH"))))
-    options = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 120}
+    options = {"cwd": folder, "env": os.environ | {"PYTHONPATH": str(ROOT)}, "timeout": 120}
     options |= {"capture_output": True, "text": True, "check": False}
     return subprocess.run([sys.executable, *arguments], input=text, **options)
 
 
 def test_help_opens_with_an_example(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = sweeps.sweep.__doc__
+    text = sweeps.sweep.__doc__.partition("Earlier results")[0]
     assert text.index(">>>") < 200
-    parser, namespace = doctest.DocTestParser(), {"sweeps": sweeps}
-    example = parser.get_doctest(
-        text.partition("Earlier results")[0], namespace, "sweep", __file__, 0
-    )
-    assert not doctest.DocTestRunner().run(example).failed and example.examples
+    example = doctest.DocTestParser().get_doctest(text, {"sweeps": sweeps}, "sweep", __file__, 0)
+    assert not doctest.DocTestRunner().run(example).failed
 
 
 def test_what_is_offered_is_documented():
@@ -265,55 +221,34 @@ def test_what_is_offered_is_documented():
     assert all(name in ncti.__doc__ for name in offered)
 
 
-def test_a_dry_run_says_what_would_be_computed(tmp_path, capsys):
-    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    results = sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **options)
-    message = (
-        "area: 2 to compute, 0 reused; 2 calls to run; new results unknown; time on one core unk"
-    )
+def test_a_dry_run_says_what_would_be_computed(sweep, tmp_path, capsys):
+    results = sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True)
+    message = "area: 2 to compute, 0 reused; 2 calls to run; new results unknown; time on one core"
     assert capsys.readouterr().out.startswith(message) and results.attrs["left"] == 2
-    assert (
-        not (tmp_path / "s.zarr").exists() and not (tmp_path / "c").exists() and not results.sizes
-    )
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
-    results = sweeps.sweep(area, {"x": [1, 2, 3], "y": [1.0]}, dry_run=True, **options)
+    assert list(tmp_path.iterdir()) == [] and not results.sizes
+    sweep(area, {"x": [1, 2], "y": [1.0]})
+    results = sweep(area, {"x": [1, 2, 3], "y": [1.0]}, dry_run=True)
     assert (results.attrs["left"], results.attrs["reused"]) == (1, 2)
-    message = "area: 1 to compute, 2 reused; 1 calls to run; new results 9"
-    assert capsys.readouterr().out.startswith(message[:-1])
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True, **options)
-    assert (
-        capsys.readouterr().out
-        == "area: 0 to compute, 2 reused; nothing to compute: all cells are in the store\n"
-    )
+    message = "area: 1 to compute, 2 reused; 1 calls to run; new results "
+    assert capsys.readouterr().out.startswith(message)
 
 
 @pytest.mark.parametrize("where", ["file", "terminal", "notebook"])
-def test_progress_is_shown_in_a_terminal_and_a_notebook(tmp_path, monkeypatch, capsys, where):
+def test_progress_is_shown_in_a_terminal_and_a_notebook(sweep, monkeypatch, capsys, where):
     drawn = []
-
-    class Handle:
-        """Handle of a display in a notebook."""
-
-        def update(self, table):
-            drawn.append(table)
 
     def display(table, display_id):
         drawn.append(table)
-        return Handle()
+        return SimpleNamespace(update=drawn.append)
 
     if where == "terminal":
         monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     if where == "notebook":
-        offered = {"display": display}
         monkeypatch.setitem(sys.modules, "IPython", ModuleType("IPython"))
-        monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(**offered))
+        monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=display))
         monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
-    options = {"store": tmp_path / "s.zarr", "cache": tmp_path / "c"}
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
+    sweep(area, {"x": [1, 2], "y": [1.0]})
     printed = capsys.readouterr()
     assert not printed.out and ("2/2" in printed.err) == (where == "terminal")
     assert bool(drawn) == (where == "notebook") and len({*map(type, drawn)}) <= 1
-    drawn.clear()
-    sweeps.sweep(area, {"x": [1, 2], "y": [1.0]}, **options)
-    assert not drawn  # nothing is computed
