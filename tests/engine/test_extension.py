@@ -1,7 +1,7 @@
 """Stores can be extended on any axis, with or without a cache; other changes are refused."""
 
+import math
 import shutil
-import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -10,18 +10,17 @@ from small_stores import contents, opened
 from toys import CALLS, SPRINGS, go, having, run
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.settings import Settings, ZippedAxis, count, read_choices, text
-from sweeps.engine.declare.stage import Experiment, Group, Output, derived, stage
+from sweeps.engine.declare.settings import Settings, ZippedAxis, count, read_choices
+from sweeps.engine.declare.stage import Experiment, Group, Output, stage
+from sweeps.engine.store import provenance
 
 CELLS = {"period": 4, "energy": 6, "noisy": 24, "trace": 24, "answers": 16}
 GROWN = {
     "in front": {"spring__mass": [0.5, 1, 2]},
     "between": {"spring__stiffness": [1, 2, 3, 4]},
-    "at the end": {"measured__length": [2, 4, 5]},
     "two axes": {"measured__rule": ["max", "mean", "min"], "spring__mass": [1, 2, 7]},
     "a new axis": {"spring__limit": [100, 200]},
     "a new axis of switches": {"measured__doubled": [False, True]},
-    "more draws": {"measured__draw": 3},
     "more seeds": {"seed": [0, 2**62 + 1]},
 }
 
@@ -102,63 +101,25 @@ def piece(begin, size):
     return found | {"none": np.zeros(0)}
 
 
-@stage(Output("hash", label="hash", dtype="i8"), uses=(Cut,), group=Group("hashes"))
-def hashed(piece):
-    """Return a checksum of the names, types, shapes and values of all arrays that it gets."""
-    arrays = [(name, piece[name].dtype.str, piece[name].tolist()) for name in sorted(piece)]
-    return zlib.crc32(repr([*arrays, *(array.shape for array in piece.values())]).encode())
-
-
-def test_ragged_arrays_come_back_as_they_were(tmp_path):
+def test_ragged_arrays_are_laid_out_from_their_first_index(tmp_path):
     experiment = Experiment("cut", "Cut", (Cut, piece))
-    both = Experiment("cut", "Cut", (Cut, piece, hashed))
     choices = read_choices(experiment.declared, {})
     run(experiment, choices, tmp_path / "s.zarr", tmp_path / "a")
     CALLS.clear()
-    run(both, choices, tmp_path / "s.zarr", tmp_path / "a")
+    run(experiment, choices, tmp_path / "s.zarr", tmp_path / "a")
     assert CALLS == {"piece": 1}  # the cell that failed
-    run(both, choices, tmp_path / "t.zarr", tmp_path / "c")
-    assert contents(tmp_path / "s.zarr") == contents(tmp_path / "t.zarr")
-
-
-class Named(Settings, key="named"):
-    """Settings: the name of a file, and an axis."""
-
-    name = text("a", label="name")
-    size = count([1, 2], label="size")
-
-
-CONTENT = {"digest": "one"}
-
-
-@derived(uses=(Named,), version="1")  # its code does not include the file
-def content(name):
-    """Return the content of the file that a setting names."""
-    return CONTENT["digest"]
-
-
-@stage(Output("read", label="read", dtype="U3"), uses=(Named,), group=Group("read"))
-def reading(content, size):
-    """Return a result that depends on that file."""
-    CALLS["reading"] += 1
-    return content
-
-
-def test_a_file_that_has_changed_is_read_again(tmp_path):
-    files_read = Experiment("files", "Files", (Named, content, reading))
-    choices = read_choices(files_read.declared, {})
-    run(files_read, choices, tmp_path / "s.zarr", tmp_path / "a")
-    CONTENT["digest"] = "two"
-    try:
-        run(files_read, choices, tmp_path / "s.zarr", tmp_path / "a")
-    finally:
-        CONTENT["digest"] = "one"
-    assert opened(tmp_path / "s.zarr", "read").read.values.tolist() == ["two", "two"]
+    pieces = opened(tmp_path / "s.zarr", "pieces")
+    for begin, size in ((3, 1), (3, 4), (5, 4), (9, 1)):
+        cell, bins = pieces.sel(begin=begin, size=size), range(begin - 4, begin - 4 + size)
+        expected = np.where(np.arange(size) % 2, np.nan, begin)
+        np.testing.assert_array_equal(cell.piece.sel(bin=bins), expected)
+        assert cell.piece.drop_sel(bin=bins).isnull().all()
+        assert (cell.same == 7).all() and cell["tail"].shape == (3, 9)
+    assert pieces.piece.sel(begin=9, size=4).isnull().all()
 
 
 REFUSED = [
     ({"spring__mass": [1, 3]}, "spring.mass is 1, 3, ", " has 2: ", "spring.mass=[1,2,3]"),
-    ({"measured__rule": "min"}, "is min, ", " has max, mean: ", "measured.rule=[max,mean,min]"),
     ({"measured__draw": 1}, "measured.draw is 0, ", " has 1: ", "give another store"),
     ({"seed": 3}, "seed is 3, ", " has 0: ", "seed=[0,3]"),
     ({"measured__doubled": True}, "is true, ", " has false: ", "measured.doubled=[false,true]"),
@@ -176,25 +137,27 @@ def test_another_configuration_is_refused_by_its_keys(grown, given, asked, store
     assert contents(store) == before
 
 
+def test_other_versions_are_refused(grown, monkeypatch):
+    now = provenance.versions
+    monkeypatch.setattr(provenance, "versions", lambda plan: now(plan) | {"dask": "9.0"})
+    with pytest.raises(ConfigurationError, match="was made by a different version of dask; give"):
+        go(grown(), grown().with_suffix(".cache"), spring__mass=[1, 2, 3])
+
+
 def test_other_code_is_refused(grown):
     store = grown()
     changed = replace(SPRINGS.by_name["period"], function=SPRINGS.by_name["energy"].function)
-    changed_springs = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
+    springs = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
     with pytest.raises(ConfigurationError, match="was made by different code of period \\("):
-        run(changed_springs, read_choices(SPRINGS.declared, {}), store)
+        run(springs, read_choices(SPRINGS.declared, {}), store)
 
 
-def joined(points, labels=None):
+def joined(*points):
     """Return choices in which stiffness and limit run together, point by point."""
-    choices = read_choices(SPRINGS.declared, {"measured.draw": 1})
-    values = [sorted({point[k] for point in points}) for k in range(2)]
-    ours = {"spring.stiffness": tuple(values[0]), "spring.limit": tuple(values[1])}
     keys = ("spring.stiffness", "spring.limit")
-    return replace(
-        choices,
-        values={**choices.values, **ours},
-        zipped=(ZippedAxis("two", keys, points, labels),),
-    )
+    given = {key: sorted({point[k] for point in points}) for k, key in enumerate(keys)}
+    choices = read_choices(SPRINGS.declared, given | {"measured.draw": 1})
+    return replace(choices, zipped=(ZippedAxis("two", keys, points),))
 
 
 NOT_GATHERED = having(SPRINGS, SPRINGS.stages[:4], ())
@@ -202,16 +165,39 @@ NOT_GATHERED = having(SPRINGS, SPRINGS.stages[:4], ())
 
 def test_settings_that_run_together_grow_by_whole_points(tmp_path):
     store = tmp_path / "s.zarr"
-    few, more = ((1.0, 9.0), (2.0, 8.0)), ((1.0, 9.0), (1.5, 9.0), (2.0, 8.0))
-    run(NOT_GATHERED, joined(few), store)
+    more = joined((1.0, 9.0), (1.5, 9.0), (2.0, 8.0))
+    run(NOT_GATHERED, joined((1.0, 9.0), (2.0, 8.0)), store)
     CALLS.clear()
-    run(NOT_GATHERED, joined(more), store)
+    run(NOT_GATHERED, more, store)
     assert CALLS["period"] == 2
-    run(NOT_GATHERED, joined(more), tmp_path / "t.zarr")
+    run(NOT_GATHERED, more, tmp_path / "t.zarr")
     assert contents(store) == contents(tmp_path / "t.zarr")
     springs = opened(store, "springs")
     assert springs.period.dims == ("two", "mass")
     assert springs.stiffness.values.tolist() == [1, 1.5, 2] and "limit" in springs.coords
-    crossed = ((1.0, 8.0), (1.5, 9.0), (2.0, 8.0))
+    crossed = joined((1.0, 8.0), (1.5, 9.0), (2.0, 8.0))
     with pytest.raises(ConfigurationError, match=r"spring\.limit, spring\.stiffness together"):
-        run(NOT_GATHERED, joined(crossed), store)
+        run(NOT_GATHERED, crossed, store)
+
+
+# inputs at another setting's value ----------------------------------------------------------------
+
+
+# Without stages that gather springs, their settings may run together with others.
+FEWER = having(SPRINGS, [stage for stage in SPRINGS.stages if stage.name != "answers"], ())
+DESCENDING = ((70.0, 4.0), (80.0, 2.0), (90.0, 1.0))  # not in the order of sorted stiffnesses
+
+
+@pytest.mark.parametrize("points", [DESCENDING, DESCENDING[1:] + DESCENDING[:1]])
+def test_an_input_on_a_joint_axis_is_that_of_the_value_asked_for(tmp_path, points):
+    given = {"spring.mass": 1.0, "spring.limit": [70.0, 80.0, 90.0]}
+    given |= {"spring.stiffness": [1.0, 2.0, 4.0], "spring.reference": [1.0, 2.0, 4.0]}
+    zipped = ZippedAxis("joint", ("spring.limit", "spring.stiffness"), points)
+    choices = replace(read_choices(FEWER.declared, given), zipped=(zipped,))
+    run(FEWER, choices, tmp_path / "s.zarr")
+    [ratio] = opened(tmp_path / "s.zarr", "references").ratio
+    # The limit that runs together with the stiffness gets no dimension of its own.
+    assert ratio.dims == ("stiffness_there",)
+    for reference in (1.0, 2.0, 4.0):
+        expected = 2 * math.pi / round(math.sqrt(reference), 12) / reference
+        assert ratio.sel(stiffness_there=reference) == pytest.approx(expected, rel=1e-15)

@@ -15,7 +15,6 @@ from sweeps.engine.cache.packs import Locations, PackWriter, open_packs
 from sweeps.engine.declare.stage import At, Group, Output, stage
 from sweeps.engine.run.tasks import DamagedResultsError, GatheredArray, stage_spec
 
-BOTH = Group("both")
 ROWS = 20_000  # numbers in each cell
 SHAPE = (3, 4)
 LACKING = [1, 2, 3, 9]  # absent cells
@@ -36,14 +35,11 @@ def backwards(row, valid):
     return np.concatenate(rows)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
 
 
-def of_all(name, **options):
-    outputs = Output("total", ("number",), "f8", label="total")
-    return stage(outputs, gather=(Few.size,), group=BOTH, name=name, **options)(backwards)
-
-
 def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
     for name, read in {"whole": "row", "blocks": At("row", in_blocks=True)}.items():
-        stages = [row, of_all(name, reads={"row": read})]
+        options = {"gather": (Few.size,), "group": Group("both"), "reads": {"row": read}}
+        declare = stage(Output("total", ("number",), "f8", label="total"), name=name, **options)
+        stages = [row, declare(backwards)]
         finished = run_few(stages, tmp_path / f"{name}.zarr", sizes=range(1, 6))
         assert [*dict(finished.failures)] == ["row size=3"], finished.failures
     arrays, blocks = (opened(tmp_path / f"{name}.zarr", "both") for name in ("whole", "blocks"))
@@ -74,14 +70,12 @@ def gathered(tmp_path_factory):
 def test_indices_are_those_of_an_array(gathered, at):
     lazy, array = gathered
     axes = [st.slices(n) | st.integers(-n, n - 1) | st.lists(st.integers(0, n - 1)) for n in SHAPE]
-    index = at.draw(
-        axes[0] | st.just(np.isfinite(array[..., 0])) | st.tuples(axes[0], st.slices(4))
-    )
+    mask = st.just(np.isfinite(array[..., 0]))
+    index = at.draw(axes[0] | mask | st.tuples(axes[0], st.slices(4)))
     np.testing.assert_array_equal(lazy[index], array[index])
     flat = at.draw(st.lists(st.integers(0, 11)))
-    np.testing.assert_array_equal(
-        lazy.reshape(1, -1, ROWS)[:, flat], array.reshape(1, -1, ROWS)[:, flat]
-    )
+    lazy, array = (values.reshape(1, -1, ROWS) for values in (lazy, array))
+    np.testing.assert_array_equal(lazy[:, flat], array[:, flat])
 
 
 def test_what_is_read_is_in_memory_alone(gathered):

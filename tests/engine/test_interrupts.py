@@ -22,8 +22,7 @@ from sweeps.engine.run.interrupts import (
 )
 from sweeps.engine.store import writing as store
 
-SMALL = {"spring__stiffness": [1, 2], "spring__mass": 1}
-TYPED = ["spring.stiffness=[1,2]", "spring.mass=1"]
+GIVEN = ["cache=cache", "cluster=inline", "store=s.zarr", "spring.stiffness=[1,2]", "spring.mass=1"]
 
 
 def arrive(number=signal.SIGINT):
@@ -75,56 +74,28 @@ def swallowing(*arguments, **keywords):
         arrive()
 
 
-def checked(choices):
-    arrive()
-    return SPRINGS.check(choices)
-
-
 WHERE = {  # step of the sweep during which the signal arrives
-    "checking": lambda patch: replace(SPRINGS, check=checked),
-    "checking, swallowed": lambda patch: replace(
-        SPRINGS, check=lambda choices: swallowing() or SPRINGS.check(choices)
-    ),
+    "checking": lambda patch: replace(SPRINGS, check=swallowing),
     "computing": lambda patch: patch.setattr(run, "execute", arriving(run.execute)),
     "a table": lambda patch: having(
         SPRINGS, tables=(Table("tables/best", ("answers",), swallowing),)
     ),
-    "the store": lambda patch: patch.setattr(store, "encode", encoding(store.encode)),
+    "the store": lambda patch: patch.setattr(store, "encode", arriving(store.encode)),
     "metadata": lambda patch: patch.setattr(store, "_commit", arriving(store._commit)),
 }
 
 
-def encoding(encode):
-    """Return an encoder of chunks that first sends a signal."""
-
-    def encoded(*arguments):
-        arrive()
-        return encode(*arguments)
-
-    return encoded
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory):
-    """Return the files of a store that no signal interrupted."""
-    path = tmp_path_factory.mktemp("whole") / "t.zarr"
-    go(path, **SMALL)
-    return files(path)
-
-
 @pytest.mark.parametrize("where", WHERE)
-def test_a_signal_at_any_moment_is_one_sentence_and_resumed(
-    where, whole, tmp_path, monkeypatch, capsys
-):
+def test_a_signal_at_any_moment_is_one_sentence_and_resumed(where, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    arguments = ["cache=cache", "cluster=inline", "store=s.zarr", *TYPED]
     with monkeypatch.context() as patch:
         experiment = WHERE[where](patch) or SPRINGS
-        assert Command(experiment).main(arguments) == 130
+        assert Command(experiment).main(GIVEN) == 130
     output = capsys.readouterr()
     sentence = "springs: interrupted; the same command resumes the sweep"
     assert output.err.splitlines()[-1] == sentence and output.err.count("interrupted") == 1
     assert "Traceback" not in output.err and "Exception" not in output.err
     assert not [path for path in Path().iterdir() if path.name.startswith(".")]
-    assert Command(SPRINGS).main(arguments) == 0
-    assert files(tmp_path / "s.zarr") == whole
+    assert Command(SPRINGS).main(GIVEN) == 0
+    go(tmp_path / "t.zarr", spring__stiffness=[1, 2], spring__mass=1)
+    assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")

@@ -47,15 +47,9 @@ def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
     for name, limit, mass in (("hard", 90, 2), ("soft", 50, 1)):
         expected = results.period.sel(limit=limit, mass=mass).values
         np.testing.assert_array_equal(springs.period.sel(spring=name), expected)
+    keys, points = ["spring.mass", "spring.limit"], [["2.0", "90.0"], ["1.0", "50.0"]]
     joint = read_attributes(tmp_path / "m.zarr")["joint"]
-    assert joint == [
-        [
-            "spring",
-            ["spring.mass", "spring.limit"],
-            [["2.0", "90.0"], ["1.0", "50.0"]],
-            ["hard", "soft"],
-        ]
-    ]
+    assert joint == [["spring", keys, points, ["hard", "soft"]]]
 
 
 def test_experiments_that_no_product_makes_are_jobs(command, tmp_path):
@@ -64,11 +58,8 @@ def test_experiments_that_no_product_makes_are_jobs(command, tmp_path):
     assert answers.answer.dims == ("mass", "job")
     assert answers.length.values.tolist() == [2, 3, 4]
     assert answers.rule.values.tolist() == ["max", "mean", "mean"]
-    assert answers.job.values.tolist() == [
-        "length=2,rule=max",
-        "length=3,rule=mean",
-        "length=4,rule=mean",
-    ]
+    labels = ["length=2,rule=max", "length=3,rule=mean", "length=4,rule=mean"]
+    assert answers.job.values.tolist() == labels
     overrides = ("experiment=long", "measured.draw=1", "store=s.zarr")
     assert command("+" + overrides[0], *overrides[1:]) == 0
     job_answers = opened(tmp_path / "s.zarr", "answers").answer
@@ -120,12 +111,8 @@ def test_a_setting_in_the_path_of_the_store_keeps_jobs_apart(command, tmp_path):
 
 
 @pytest.mark.parametrize("arguments", TOO_LARGE)
-def test_grids_that_no_memory_holds_are_refused(arguments, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert (
-        Command(SPRINGS).main(["cluster=inline", "cache=cache", "store=s.zarr", *arguments.split()])
-        == 2
-    )
+def test_grids_that_no_memory_holds_are_refused(command, tmp_path, capsys, arguments):
+    assert command("cluster=inline", "store=s.zarr", *arguments.split()) == 2
     (message,) = capsys.readouterr().err.splitlines()
     assert message.startswith("springs: ") and not list(tmp_path.iterdir())
     assert not [word for word in TOO_LARGE[arguments].split(" ") if word not in message]

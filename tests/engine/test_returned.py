@@ -23,27 +23,18 @@ def returned(dtype, value, dims=0, along=()):
 
 LOST = [
     ("i4", 1.5, "1.5"),
-    ("i4", np.nan, "nan"),
     ("i4", [1, 2, 2.25], "2.25"),
     ("i1", 300, "300"),
-    ("u1", -1, "-1"),
     ("i8", np.uint64(2**63), str(2**63)),
-    ("i8", 1e19, "1e+19"),
     ("i8", 2**70, "values of dtype object"),
     ("f4", 1e300, "1e+300"),
     ("f2", 70000, "70000"),
     ("f8", 1 + 2j, "values of dtype complex128"),
-    ("f8", 1 + 0j, "values of dtype complex128"),
     ("f8", None, "None"),
-    ("f8", [1.0, None], "None"),
     ("f8", "1", "values of dtype <U1"),
-    ("?", 2, "2"),
     ("U3", "abcd", "'abcd'"),
     ("U3", 3, "values of dtype int64"),
-    ("U3", ["a", None], "None"),
     ("i4", np.ma.array([1, 2], mask=[False, True]), "masked values"),
-    ("u1", np.ma.masked, "masked values"),
-    ("?", np.ma.array(True, mask=True), "masked values"),
     ("U3", np.ma.array(["a", "b"], mask=[True, False]), "masked values"),
     ("f4", np.ma.array([1e300, 1.0], mask=[False, True]), "1e+300"),
 ]
@@ -64,18 +55,12 @@ KEPT = [
     ("f4", 1.1, np.float32(1.1)),  # floats may lose digits
     ("f4", np.inf, np.inf),
     ("f4", np.nan, np.nan),
-    ("f4", 2**24 + 1, 2.0**24),
     ("i4", 2.0, 2),
-    ("i1", True, 1),
     ("?", 1, True),
     ("u8", 2**64 - 1, np.uint64(2**64 - 1)),
-    ("U3", "abc", "abc"),
     ("U3", [], []),
     ("U8", np.array(["a", "Å"], dtype=object), ["a", "Å"]),
-    ("f8", [[1, 2], [3, 4]], [[1.0, 2.0], [3.0, 4.0]]),
     ("f8", np.ma.masked, np.nan),
-    ("f4", np.ma.array(7, mask=True), np.nan),
-    ("f4", np.ma.array([1.5, 1e300], mask=[False, True]), [1.5, np.nan]),
     ("f8", np.ma.array([2**60 + 1, 1], mask=[True, False]), [np.nan, 1.0]),
     ("f8", [np.ma.masked, 2.0], [np.nan, 2.0]),
     ("f8", [np.ma.array([1, 2], mask=[0, 1]), np.ma.array([3, 4])], [[1, np.nan], [3, 4]]),
@@ -145,20 +130,15 @@ def growing(size):
     return np.zeros(size)
 
 
-def test_padding_that_is_not_declared_is_refused_at_once(tmp_path):
+def test_padding_that_is_not_declared_is_refused_at_once_and_costs_no_results(tmp_path):
     CALLS.clear()
-    with pytest.raises(DeclarationError, match="no value to pad it with"):
-        run_few([growing], tmp_path / "s.zarr", tmp_path / "cache", range(1, 1001))
-    assert CALLS["growing"] < 700, "most cells are not computed any more"
-
-
-def test_padding_that_is_not_declared_is_refused_and_costs_no_results(tmp_path):
     with pytest.raises(DeclarationError) as refused:
-        run_few([growing], tmp_path / "s.zarr", tmp_path / "cache")
+        run_few([growing], tmp_path / "s.zarr", tmp_path / "cache", range(1, 1001))
     assert str(refused.value) == (
         "stage growing: x has the shape (2,) in one cell and (1,) in another, but no value to pad "
         "it with; declare pad=..., or an output first_{dimension}"
     )
+    assert CALLS["growing"] < 700, "most cells are not computed any more"
     assert not (tmp_path / "s.zarr").exists()
     padded = replace(growing, outputs=(replace(growing.outputs[0], pad=-1.0),))
     CALLS.clear()

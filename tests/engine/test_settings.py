@@ -5,7 +5,6 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toys import SPRINGS
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.kinds import (
@@ -45,13 +44,11 @@ def test_whole_numbers_are_not_rounded(values):
 
 
 EXACT = {
-    "a small start": ((1.4e-12, 3.4e-12, 1e-12), [1.4e-12, 2.4e-12, 3.4e-12]),
     "a small step": ((0.0, 3e-310, 1e-310), [0.0, 1e-310, 2e-310, 3e-310]),
     "decimals": ((0.0, 0.7, 0.1), [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
     "large decimals": ((1e6 + 0.1, 1e6 + 0.3, 0.1), [1000000.1, 1000000.2, 1000000.3]),
     "a rounded step": ((0.0, 5.0, 5 / 6), [0.0, 5 / 6, 10 / 6, 2.5, 20 / 6, 25 / 6, 5.0]),
     "a step beyond": ((0.0, 1.0, 0.4), [0.0, 0.4, 0.8]),
-    "one value": ((2.5, 2.5, 1e-300), [2.5]),
 }
 
 
@@ -87,37 +84,26 @@ PAIRS = SetOf(Word(("x", "y")), spellings=(("both", ("x", "y")),))
 REFUSED = [
     (Number(0, 9), 10, "a.b has 10, but must be a number from 0 to 9"),
     (Number(1, 1000, unit="km"), 100000, "a.b has 100000, but must be a number from 1 to 1000 km"),
-    (Count(1, 9, unit="pixel"), 10, "a.b has 10, but must be a whole number from 1 to 9 pixel"),
     (Number(0, below=360, unit="degree"), "x", "a finite number at least 0 and below 360 degree"),
-    (Number(unit="m"), "x", "a.b has 'x', but must be a finite number in m"),
     (Number(0), [1, -1], "a.b has -1, but must be a finite number at least 0"),
     (UNIT, 1, "a.b has 1, but must be a finite number at least 0 and below 1"),
     (Number(), math.nan, "a.b has nan, but"),
-    (Number(), math.inf, "a.b has inf, but"),
     (Number(), 10**400, "but must be a finite number"),
     (Number(), True, "a.b has True, but"),
-    (Number(), "7", "a.b has '7', but"),
     (Number(), None, "a.b has null, but must be a finite number"),
     (Number(), [], "a.b is empty, but must hold at least one value"),
     (Number(), [1, 2, 1.0], "a.b has 1.0 more than once, but values must differ"),
-    (Number(), [[1]], "but must be a finite number"),
     (Number(), {"start": 1, "stop": 2}, "a.b has the keys start, stop, but must have start"),
     (Number(), {"start": 2, "stop": 1, "step": 1}, "a.b runs from 2 to 1, but stop must not"),
     (Number(), {"start": 0, "stop": 1, "step": 0}, "a.b.step has 0, but must be above 0"),
     (Number(), {"start": 0, "stop": 1, "step": 1e-9}, "a.b.step is 1e-09, but must leave at most"),
-    (Number(), {"start": 0, "stop": 90, "step": 1e-310}, "a.b.step is 1e-310, but must leave"),
     (Number(), {"start": 0, "stop": 1e300, "step": 5e-324}, "a.b.step is 4.94066e-324, but must"),
     (Number(), {"start": "0", "stop": 1, "step": 1}, "a.b.start has '0', but"),
     (Count(), 1.5, "a.b has 1.5, but must be a whole number"),
-    (Count(), 0, "a.b has 0, but must be a whole number at least 1"),
     (Word(("x", "y")), "z", "a.b has 'z', but must be one of x, y"),
-    (Word(("x", "y")), ["x", "x"], "a.b has 'x' more than once"),
     (Switch(), 1, "a.b has 1, but must be one of true, false"),
     (Text(), "", "a.b has '', but must be a text that is not empty"),
     (Text(), ["a", "a\0"], r"a.b has 'a\x00' more than once, but values must differ"),
-    (Text(), ["b\0", "b\0\0"], r"a.b has 'b\x00\x00' more than once"),
-    (Text(), 3, "a.b has 3, but must be a text"),
-    (Draws(9), [1], "a.b is [1], but must be a whole number from 1 to 9"),
     (Draws(9), 0, "a.b is 0, but must be a whole number from 1 to 9"),
     (Draws(9), 10, "a.b is 10, but must be a whole number from 1 to 9"),
     (PAIRS, "neither", "a.b is 'neither', but must be one of x, y, both"),
@@ -147,20 +133,3 @@ def test_a_setting_that_is_no_axis_says_why():
     with pytest.raises(ConfigurationError) as refused:
         read_choices(Apart.declared, {"apart.only": [1, 2]})
     assert str(refused.value) == "apart.only has 2 values, but must have one: it shapes arrays"
-
-
-@settings(deadline=None)
-@given(st.data())
-def test_what_a_store_has_is_read_back_as_it_was(data):
-    words = st.sampled_from([["max"], ["mean", "min"]])
-    values = {
-        "spring.mass": data.draw(st.lists(st.floats(0.1, 1e9), min_size=1, unique=True)),
-        "spring.reference": data.draw(st.sampled_from([None, 4.0, [None, 1.0]])),
-        "measured.draw": data.draw(st.integers(1, 5)),
-        "measured.rule": data.draw(words),
-        "measured.doubled": data.draw(st.sampled_from([True, [True, False]])),
-        "seed": data.draw(st.integers(0, 2**63)),
-    }
-    choices = read_choices(SPRINGS.declared, values)
-    again = {setting.key: setting.kind.as_input(choices[setting]) for setting in SPRINGS.declared}
-    assert read_choices(SPRINGS.declared, again).values == choices.values

@@ -5,12 +5,12 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from toys import SPRINGS, Few, go, of, run_few
+from toys import SPRINGS, Few, go, run_few
 
 from sweeps.engine.command.line import Command
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.settings import read_choices
-from sweeps.engine.declare.stage import Group, Output, Stage, stage
+from sweeps.engine.declare.stage import Group, Output, stage
 from sweeps.engine.resolve.plan import Plan
 from sweeps.engine.store.provenance import check_extends, differences
 from sweeps.engine.store.writing import read_attributes
@@ -49,43 +49,18 @@ def test_the_command_prints_what_differs(store, capsys):
     assert capsys.readouterr().out == "nothing differs: the store has all of the sweep\n"
     assert main(["--why", "store=s.zarr", "spring.mass=[1,2,3]"]) == 0
     assert "rate: spring.mass\nsolver: its input rate\n" in capsys.readouterr().out
-    assert main(["--why", "store=none.zarr"]) == 2
-    assert "store is 'none.zarr', which does not exist" in capsys.readouterr().err
 
 
-def squared(by):
-    def square(size):
-        return by * size**2
-
-    return Stage("square", square, (Output("square"),), uses=(Few,), group=Group("all"))
-
-
-def test_a_value_that_a_stage_holds_is_named(tmp_path):
-    run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c")
-    plan = Plan(of(squared(3)), read_choices(of(squared(3)).declared, {"few.size": [1, 2, 3]}))
-    [(name, reasons)] = differences(plan, read_attributes(tmp_path / "s.zarr"))
-    assert name == "square" and reasons == ["by of test_why.squared.<locals>.square"]
-
-
-def test_a_version_counts_instead_of_the_code_of_a_stage(tmp_path):
-    def made(version, factor):
-        declare = stage(Output("a"), uses=(Few,), group=Group("all"), name="a", version=version)
-        return declare(lambda size: factor * size)
-
-    def plan(version, factor):
-        few = of(made(version, factor))
-        return Plan(few, read_choices(few.declared, {}))
-
-    assert plan("1", 2).code == plan("1", 3).code != plan("2", 2).code
-    assert plan("", 2).code != plan("", 3).code
-    assert plan("1", 2).digests["a"].parts == {"version": "1"}
+@stage(Output("square"), uses=(Few,), group=Group("all"))
+def square(size):
+    return size**2
 
 
 def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, caplog):
     def messages(sizes):
         caplog.clear()
         with caplog.at_level(logging.DEBUG, "sweeps"):
-            run_few([squared(2)], tmp_path / "s.zarr", tmp_path / "c", sizes)
+            run_few([square], tmp_path / "s.zarr", tmp_path / "c", sizes)
         return [record.getMessage() for record in caplog.records]
 
     first = messages((1, 2))

@@ -33,11 +33,10 @@ def advised(sentence, before="quote it, "):
     return passed
 
 
-PATHS = ("größe.stl", "hull(1).stl", "run=3.stl", "köln/s.zarr", "runs/a=1/s.zarr", "it's.zarr")
-ODD = ("~/ß.zarr", "a;b & c.zarr", "$HOME/ö `x`.zarr", 'a"b', "a\"b'c", "ü\\", "ü\\'", WIDE)
+PATHS = ["größe.stl", "hull(1)=3.stl", "a;b & c", "a\"b'c", "ü\\'", WIDE]
 
 
-@pytest.mark.parametrize("path", PATHS + ODD)
+@pytest.mark.parametrize("path", PATHS)
 def test_a_path_that_hydra_cannot_read_is_quoted(path):
     sentence = refused(f"store={path}", "seed=1")
     assert sentence.startswith(f"store={path} cannot be read: quote it, ")
@@ -59,21 +58,12 @@ def test_any_text_is_read_or_quoted(text):
         assert job.choices.values["cluster.queue"] == (text,)
 
 
-@pytest.mark.parametrize(
-    ("words", "values"),
-    [
-        (["spring.mass=[1,", "2]", "seed=1"], (1, 2)),
-        (["spring.mass={start:", "1,", "stop:", "2,", "step:", "1}"], (1, 2)),
-        (["cluster.queue=[größe,", "x]"], None),  # it takes only one value
-    ],
-)
-def test_a_word_that_the_shell_has_split_is_put_together(words, values):
-    sentence = refused(*words)
-    if values is None:
-        assert sentence.startswith("cluster.queue has 2 values, but must have one")
-        return
-    [job] = read_jobs(SPRINGS, [advised(sentence)], several=False)
-    assert job.choices.values["spring.mass"] == values
+def test_a_word_that_the_shell_has_split_is_put_together():
+    word = advised(refused("spring.mass=[1,", "2]", "seed=1"))
+    [job] = read_jobs(SPRINGS, [word], several=False)
+    assert job.choices.values["spring.mass"] == (1, 2)
+    sentence = refused("cluster.queue=[größe,", "x]")
+    assert sentence.startswith("cluster.queue has 2 values, but must have one")
 
 
 STEPS = "give steps, 'spring.mass={start: 1, stop: 7, step: 2}'"
@@ -97,16 +87,8 @@ def test_each_word_has_its_own_cause(word):
     assert CAUSES[word] in refused(word, "seed=1")
 
 
-@pytest.mark.parametrize(
-    ("word", "sentence"),
-    [
-        (
-            "--spring.mass=3",
-            "--spring.mass=3 is not an option; give it without dashes, spring.mass=3",
-        ),
-        ("--dry-run", "--dry-run is not an option; give it without dashes, dry_run=VALUE"),
-    ],
-)
-def test_a_setting_is_no_option(word, sentence, capsys):
-    assert Command(SPRINGS).main([word]) == 2
-    assert capsys.readouterr().err == f"{SPRINGS.name}: {sentence}\n"
+def test_a_setting_is_no_option(capsys):
+    for word, advised in {"--spring.mass=3": "spring.mass=3", "--dry-run": "dry_run=VALUE"}.items():
+        assert Command(SPRINGS).main([word]) == 2
+        sentence = f"springs: {word} is not an option; give it without dashes, {advised}\n"
+        assert capsys.readouterr().err == sentence
