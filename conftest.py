@@ -30,12 +30,13 @@ for library in ("OMP", "MKL", "OPENBLAS"):
 relax_gc()
 
 LONG = (
-    *("claims/test_claims", "sweeps/test_experiments", "test_docs", "engine/test_survival"),
-    *("docs/test_results", "convergence/test_extent_of_ships", "ships/test_variants"),
-    *("docs/test_proof", "benchmarks/test_benchmark", "engine/test_executors", "data/test_rows"),
-    *("stages/test_flights", "engine/test_buckets", "sweeps/test_own_ships", "sweeps/test_wheel"),
+    *("sweeps/test_experiments", "claims/test_claims", "test_docs", "docs/test_results"),
+    *("convergence/test_extent_of_ships", "engine/test_survival", "ships/test_variants"),
+    *("engine/test_command", "report/test_flight_pictures", "stages/test_flights"),
+    *("data/test_rows", "benchmarks/test_benchmark", "report/test_output"),
+    *("engine/test_executors", "engine/test_buckets", "sweeps/test_values_in_company"),
 )
-"""Files of tests that take half a minute or more."""
+"""Files of tests that take ten seconds or more, the longest first."""
 
 
 def pytest_configure(config: Any) -> None:
@@ -59,7 +60,12 @@ def pytest_configure(config: Any) -> None:
 
 def pytest_collection_modifyitems(items: list[Any]) -> None:
     """Begin with long files, so that no process is left with one when the others have ended."""
-    items.sort(key=lambda item: not str(item.path.with_suffix("")).endswith(LONG))
+
+    def place(item: Any) -> int:
+        name = str(item.path.with_suffix(""))
+        return next((k for k, ending in enumerate(LONG) if name.endswith(ending)), len(LONG))
+
+    items.sort(key=place)
 
 
 def pytest_collect_file(file_path: Path, parent: Any) -> DoctestModule | None:
