@@ -12,7 +12,7 @@ from ncti.render import available_engines
 TINY = 2.0  # pixels [m]
 
 
-LIKE_OTHERS = ("egl", "Mitsuba 3, llvm", "pyrender on EGL, anew")
+LIKE_OTHERS = ("egl", "Mitsuba 3, llvm", "trimesh.ray", "pyrender on EGL, anew")
 """Methods that differ from others by a platform or a package alone; each takes a process."""
 
 
