@@ -41,7 +41,7 @@ class UndeclaredOutput(Output):
     names: tuple[str, ...] = ()  # of the elements of a tuple
     # Dimensions of variables, if they differ from `dims`.
     dims_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    reserved: frozenset[str] = frozenset()  # names of arguments and of their dimensions
+    reserved: tuple[str, ...] = ()  # names of arguments and of their dimensions
     # Attributes by variable.
     extra_attributes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -115,7 +115,7 @@ def _make_output(
     if dims is None:
         dims = output.dims_of.get(name) or (output.dims if ndim else ())
         dims = dims or tuple(f"{name}_{k}" for k in range(ndim))
-    if clashing := output.reserved.intersection((name, *dims)):
+    if clashing := {name, *dims}.intersection(output.reserved):
         raise TypeError(f"{subject}, but {min(clashing)!r} is the name of an argument")
     if name in dims and not coordinate:
         raise TypeError(f"{subject} along a dimension of that name; rename one of them")

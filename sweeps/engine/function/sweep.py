@@ -208,7 +208,7 @@ def _declare_experiment(
     if unused := [axis.name for axis in zipped if read_keys.isdisjoint(axis.keys)]:
         message = f"values has the dimension {unused[0]!r}, along which {name} has no argument"
         raise ConfigurationError(message)
-    reserved = frozenset([setting.name for setting in settings] + [axis.name for axis in zipped])
+    reserved = (*(setting.name for setting in settings), *(axis.name for axis in zipped))
     result = _declare_result(name, outputs, dims, dtype, reserved, attrs)
     group = Group("results" if name == STATUS else name)  # `STATUS` has states of cells
     stage = Stage(name, function, (result,), reads=reads, group=group, version=version)
@@ -268,7 +268,7 @@ def _declare_result(
     outputs: Names,
     dims: Names | Mapping[str, Names],
     dtype: str,
-    reserved: frozenset[str],
+    reserved: tuple[str, ...],
     attrs: Mapping[str, Mapping[str, Any]],
 ) -> UndeclaredOutput:
     """Return the undeclared output of a function."""
