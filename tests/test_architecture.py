@@ -97,7 +97,7 @@ FLOORS = (
     *(("declare",), ("objects", "resolve"), ("cache",), ("run",), ("store",), ("sweeping",)),
     ("command", "function"),
 )
-FRONT = {"sweeps.engine", "sweeps.engine.settings", "sweeps.engine.stage"}  # names for users
+FRONT = {"sweeps.engine"}  # names for users
 
 
 def engine_imports(path: Path) -> set[str]:

@@ -16,12 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.engine.cache.index import CellIndex
-from sweeps.engine.cache.packs import declared_signatures, iter_cells, open_packs
+from sweeps.engine.cache.packs import iter_cells, open_packs
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.failures import Failure
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.stage import BoundStage
 from sweeps.engine.declare.storable import decode_attrs, encode_attrs
+from sweeps.engine.declare.undeclared import UndeclaredOutput
 from sweeps.engine.objects import PRIVATE_MODE, Objects, ensure_folder
 from sweeps.engine.resolve.code import module_and_name
 from sweeps.engine.resolve.keys import unique_keys
@@ -31,7 +32,7 @@ from sweeps.engine.run.cluster import ClusterChoice, Executor
 from sweeps.engine.run.execution import Failures, call_each, execute
 from sweeps.engine.run.executors import open_executor
 from sweeps.engine.run.forking import check_guard
-from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped, with_signal_check
+from sweeps.engine.run.interrupts import allow_interrupts, raise_if_stopped
 from sweeps.engine.run.process import environment
 from sweeps.engine.run.schedule import Callbacks, Progress, Schedule
 from sweeps.engine.run.tasks import DamagedResultsError
@@ -214,9 +215,7 @@ def _compute(
     )
     starting = thread.submit(stack.enter_context, entered)
     is_local = choice.kind in LOCAL_KINDS
-    preparations = (
-        plan.experiment.prepare(plan.choices, with_signal_check(callbacks.say)) if is_local else ()
-    )
+    preparations = plan.experiment.prepare(plan.choices, callbacks.say) if is_local else ()
     tables = TABLE_MODULES if plan.experiment.tables else ()
     # The executor first: dask's modules import each other, so only one thread may import them.
     imports = EXECUTOR_MODULE, *tables, *options.imports
@@ -244,7 +243,7 @@ def _fits_in_process(schedule: Schedule, stages: Sequence[BoundStage], store: Pa
     return "failures" not in attributes and all(
         bound.name in schedule.costs
         and bound.name in attributes.get("code", ())
-        and declared_signatures(bound.stage.outputs)
+        and not any(isinstance(output, UndeclaredOutput) for output in bound.stage.outputs)
         and is_within(module_and_name(bound.stage.function)[0], packages)
         for bound in stages
     )

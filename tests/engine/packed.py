@@ -51,7 +51,7 @@ def same(cell, expected) -> bool:
 def whole(cells: Objects, index, names) -> bool:
     """Return whether the index finds all cells and they are read as they were written."""
     index.refresh()
-    cell_locations = index.find(keys(*names), SMALL)
+    cell_locations = index.find(keys(*names))
     read = read_cells(cells, cell_locations)
     return cell_locations.present.all() and all(
         same(cell, small(name)) for cell, name in zip(read, names, strict=True)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from packed import SMALL, keys, small, whole, write_pack, written
+from packed import keys, small, whole, write_pack, written
 
 from sweeps.engine.cache import packs
 from sweeps.engine.cache.index import MARKER, CellIndex
-from sweeps.engine.cache.packs import Pack, PackWriter, declared_signatures, open_packs
+from sweeps.engine.cache.packs import Pack, PackWriter, open_packs
 from sweeps.engine.objects import Objects
 
 
@@ -40,11 +40,11 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warning
     assert [added.add(older, keys(1)), added.add(newer, keys(1, 2))] == [0, 1]
     for index in (added, CellIndex(cells, warnings.append)):
         index.refresh()
-        locations = index.find(keys(3, 2, 1), SMALL)
+        locations = index.find(keys(3, 2, 1))
         assert locations.pack.tolist() == [-1, 1, 1] and locations.row[1:].tolist() == [1, 0]
         assert index.packs == [older, newer] and locations.paths == [older.path, newer.path]
         index.drop(keys(1))
-        assert index.find(keys(1, 2), SMALL).pack.tolist() == [-1, 1]
+        assert index.find(keys(1, 2)).pack.tolist() == [-1, 1]
 
 
 def test_a_result_computed_again_is_found_whatever_the_clocks(tmp_path, warnings, monkeypatch):
@@ -71,16 +71,13 @@ def test_an_index_finds_what_a_dictionary_finds(data):
         index = CellIndex(Objects(Path(name)), print)
         expected = {}
         for number, pack in enumerate(data.draw(st.lists(some, max_size=4))):
-            index.add(
-                Pack(f"{number}", signatures=declared_signatures(SMALL)),
-                np.array(pack, np.uint64).reshape(-1, 2),
-            )
+            index.add(Pack(f"{number}"), np.array(pack, np.uint64).reshape(-1, 2))
             expected |= {key: (number, row) for row, key in enumerate(pack)}
             if data.draw(st.booleans()):
                 index.refresh()
         index.refresh()
         queries = [*data.draw(some), (0, 1)]
-        locations = index.find(np.array(queries, np.uint64).reshape(-1, 2), SMALL)
+        locations = index.find(np.array(queries, np.uint64).reshape(-1, 2))
         rows = [
             (n, row) if n >= 0 else None
             for n, row in zip(locations.pack, locations.row, strict=True)
@@ -111,7 +108,7 @@ def test_a_pack_that_says_something_else_has_no_cells(six, warnings):
     (six.path / lost).write_bytes(b"something else")
     (six.path / "notes.pack").write_text("of another version")
     index = CellIndex(six, warnings.append)
-    assert whole(six, index, range(6)) and not index.find(keys("lost"), SMALL).present
+    assert whole(six, index, range(6)) and not index.find(keys("lost")).present
     cells, size = index.size()
     assert cells == 6 and index.costs().keys() == {"render"}
     assert index.prune(0) == (6, size) and not six.sizes()
@@ -148,7 +145,7 @@ def test_an_index_reads_the_packs_of_its_folders_alone(tmp_path, warnings):
     index = CellIndex(cells, warnings.append, ["a1", "absent"])
     assert index.packs == [mine] and warnings == []
     index.refresh()
-    assert index.find(keys(1, 2), SMALL).present.tolist() == [True, False]
+    assert index.find(keys(1, 2)).present.tolist() == [True, False]
     assert index.costs().keys() == {"stage"}
 
 

@@ -18,7 +18,6 @@ from sweeps.engine.run.interrupts import (
     allow_interrupts,
     defer_signals,
     raise_if_stopped,
-    with_signal_check,
 )
 from sweeps.engine.store import writing as store
 
@@ -48,8 +47,6 @@ def test_a_signal_waits_until_it_is_heeded():
         with pytest.raises(Stopped) as stopped:
             raise_if_stopped()
         assert (stopped.value.message, stopped.value.status) == ("interrupted", 130)
-        with pytest.raises(Stopped):
-            with_signal_check(print)("nothing")
         with pytest.raises(Stopped), allow_interrupts():
             pytest.fail("begun after a signal")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.engine.cache.packs import (
-    NO_LOCATIONS,
-    NO_PACK,
-    PACK,
-    Locations,
-    Pack,
-    declared_signatures,
-    read_pack,
-)
-from sweeps.engine.declare.stage import Output
+from sweeps.engine.cache.packs import NO_LOCATIONS, NO_PACK, PACK, Locations, Pack, read_pack
 from sweeps.engine.objects import Objects
 from sweeps.engine.resolve.keys import Keys
 
@@ -38,7 +29,7 @@ class CellIndex:
     def __init__(
         self, cells: Objects, say: Callable[[str], None], folders: Iterable[str] = ("",)
     ) -> None:
-        self.cells, self._say = cells, say
+        self.cells = cells
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys, if read, of packs that are not indexed yet
@@ -89,11 +80,10 @@ class CellIndex:
         of_pack, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
         self._locations = Locations(self.paths, of_pack, row, np.array(halves).T)
 
-    def find(self, keys: Keys, outputs: Sequence[Output]) -> Locations:
+    def find(self, keys: Keys) -> Locations:
         """Return the locations of keys, (cell, 2), in the newest pack that has them.
 
         A later cell whose key has the same first half hides another: by chance once in 10^19 pairs.
-        Cells of a pack whose arrays differ from the declaration in `outputs` count as damaged.
         """
         pack, row = np.full((2, len(keys)), NO_PACK, dtype=np.int32)
         index = self._locations
@@ -104,19 +94,6 @@ class CellIndex:
             hits = (positions >= 0) & (index.keys[positions] == batch[order]).all(axis=1)
             pack[start + order] = np.where(hits, index.pack[positions], NO_PACK)
             row[start + order] = index.row[positions]
-        signatures, numbers = declared_signatures(outputs), np.unique(pack[pack >= 0]).tolist()
-        differing = [
-            number
-            for number in numbers
-            if signatures is not None and self.packs[number].signatures != signatures
-        ]
-        if differing:
-            mismatched = np.isin(pack, differing)
-            pack[mismatched] = NO_PACK
-            message = (
-                f"{int(mismatched.sum()):,} results in the cache differ from the declaration of"
-            )
-            self._say(f"{message} their stage, and are computed again")
         return Locations(self.paths, pack, row, keys)
 
     def drop(self, keys: Keys) -> None:

@@ -4,7 +4,7 @@ A pack begins with its head: a line with its stage, the time that its cells took
 their arrays; then the keys of the cells, the number of each cell's layout, and the digest of each
 cell's record. The records follow: the arrays of a cell, one after another. The name of a pack has
 the digest and size of its head, and so identifies its whole content. Nothing in a pack is executed,
-and only arrays that a stage declares are used.
+and a name that does not match the head marks a damaged pack.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ from __future__ import annotations
 import errno
 import json
 import math
-import operator
 import re
 import zlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
@@ -27,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sweeps.engine.declare.paths import PathOrUrl, join
-from sweeps.engine.declare.stage import Output
-from sweeps.engine.declare.undeclared import Layout, UndeclaredOutput
+from sweeps.engine.declare.undeclared import Layout
 from sweeps.engine.objects import PRIVATE_MODE, UNREACHABLE, Objects
 from sweeps.engine.resolve.keys import Keys, digest, hash_bytes
 
@@ -53,8 +51,6 @@ Buffer = Any
 Cells = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 Numbers = NDArray[np.int32]
-Signature = tuple[tuple[str, str, int], ...]
-"""Names, codes of the dtypes, and numbers of dimensions of the arrays of a cell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +124,6 @@ class Pack:
     cells: int = 0
     stage: str = "(unreadable)"
     seconds: float = 0.0  # time of all cells
-    signatures: frozenset[Signature] = frozenset()  # of its cells
 
 
 class Head(NamedTuple):
@@ -153,18 +148,14 @@ class Head(NamedTuple):
         begin = content.index(b"\n") + 1
         stage, seconds, described = json.loads(content[:begin])
         size_of_cell = KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
-        cells, over = divmod(len(content) - begin, size_of_cell)
-        if over or not (isinstance(stage, str) and 0 <= seconds < math.inf):
-            raise ValueError("it is not a pack")
+        cells = (len(content) - begin) // size_of_cell
         layouts, sizes = [], []
         for arrays in described:
             layout, size = [], 0
             for name, code, shape in arrays:
-                dtype, sides = _plain_dtype(code), tuple(map(operator.index, shape))
-                if not isinstance(code, str) or min(sides, default=0) < 0:
-                    raise ValueError("a dtype or shape is none")
-                layout.append((name, dtype, sides, size))
-                length = math.prod(sides) * dtype.itemsize
+                dtype = _plain_dtype(code)
+                layout.append((name, dtype, tuple(shape), size))
+                length = math.prod(shape) * dtype.itemsize
                 size += length + -length % ALIGNMENT
             layouts.append(layout)
             sizes.append(size)
@@ -172,12 +163,10 @@ class Head(NamedTuple):
         numbers = np.frombuffer(content, LAYOUT_DTYPE, cells, begin + keys.nbytes)
         record_sizes = np.array(sizes, np.int64)[numbers]
         ends = len(content) + np.cumsum(record_sizes)
-        if (ends < 0).any():  # overflow
-            raise ValueError("its records are too large")
         checks = content[begin + keys.nbytes + numbers.nbytes :]
         of_cells = keys, numbers, ends - record_sizes, ends, layouts, checks
         size = int(ends[-1]) if cells else 0
-        return cls(Pack(path, size, cells, stage, seconds, _cell_signatures(described)), *of_cells)
+        return cls(Pack(path, size, cells, stage, seconds), *of_cells)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a record, copied; None if its digest differs."""
@@ -231,25 +220,7 @@ class PackWriter:
         step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
-        return Pack(
-            path, len(head) + size, len(keys), stage, seconds, _cell_signatures(self.layouts)
-        )
-
-
-def _cell_signatures(layouts: Iterable[Any]) -> frozenset[Signature]:
-    """Return the signatures of cells with some layouts: the name, code and shape of every array."""
-    return frozenset(
-        tuple((name, code, len(shape)) for name, code, shape in layout) for layout in layouts
-    )
-
-
-def declared_signatures(outputs: Iterable[Output]) -> frozenset[Signature] | None:
-    """Return the signature of a stage's cells from its outputs; None if these are undeclared."""
-    if any(isinstance(output, UndeclaredOutput) for output in outputs):
-        return None
-    return _cell_signatures(
-        [[(output.name, _dtype_code(np.dtype(output.dtype)), output.dims) for output in outputs]]
-    )
+        return Pack(path, len(head) + size, len(keys), stage, seconds)
 
 
 def _parse_path(path: str) -> tuple[str, int]:

@@ -33,14 +33,11 @@ from sweeps.engine.run.cluster import import_jobqueue
 from sweeps.engine.run.forking import ENVIRONMENT, block_interrupts
 from sweeps.engine.run.interpreter import relax_gc
 from sweeps.engine.run.process import environment, one_thread
-from sweeps.engine.run.shared import REQUIREMENT_ERRORS, Requirements
+from sweeps.engine.run.shared import RequirementError, Requirements
 
 DASK_SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
     "distributed.admin.low-level-log-length": 0,  # each message has a whole task
-    "distributed.admin.system-monitor.interval": "5s",
-    "distributed.admin.tick.cycle": "5s",
-    "distributed.admin.tick.interval": "1s",
     "distributed.comm.timeouts.connect": "60s",
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.http.routes": [],
@@ -74,7 +71,7 @@ Say = Callable[[str], None]
 def run_task(shared: Requirements, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     """Call a function in the task thread of this process, with one thread for numerical libraries.
 
-    Raises `REQUIREMENT_ERRORS` if this process has other code or another cache.
+    Raises `RequirementError` if this process has other code or another cache.
     """
     shared.check()
     relax_gc()
@@ -141,7 +138,7 @@ class DaskExecutor:
         except KilledWorker:
             reason = "the worker process died whenever it ran this task (out of memory?)"
             return number, None, RuntimeError(reason)
-        except REQUIREMENT_ERRORS as error:  # of a worker that joined later
+        except RequirementError as error:  # of a worker that joined later
             raise ConfigurationError(f"a worker of the cluster {error}") from None
         except Exception as error:
             return number, None, error
@@ -217,7 +214,7 @@ def address(
             raise ConfigurationError(problem) from error
         for worker, problem in client.run(shared.check, on_error="return").items():
             if problem is not None:
-                is_known = isinstance(problem, REQUIREMENT_ERRORS)
+                is_known = isinstance(problem, RequirementError)
                 reason = problem if is_known else f"cannot be asked: {problem}"
                 problem = f"its worker {worker} {reason}"
                 raise ConfigurationError(f"cluster.address is {address}, but {problem}")

@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, SimpleNamespace
 
@@ -76,16 +76,6 @@ def raise_if_stopped() -> None:
     """Raise `Stopped` if a signal has arrived."""
     if _handles_signals() and _state.number is not None:
         raise Stopped(_state.number)
-
-
-def with_signal_check(say: Callable[[str], None]) -> Callable[[str], None]:
-    """Return `say` with a check for signals before it."""
-
-    def checked_say(sentence: str) -> None:
-        raise_if_stopped()
-        say(sentence)
-
-    return checked_say
 
 
 @contextmanager

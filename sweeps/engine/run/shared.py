@@ -14,8 +14,8 @@ from sweeps.engine.resolve.keys import digest
 from sweeps.engine.resolve.modules import SHADERS, module_spec, package_files
 
 
-class CodeMismatchError(RuntimeError):
-    """A worker has other code than the command."""
+class RequirementError(RuntimeError):
+    """A worker has other code than the command, or does not see its cache."""
 
 
 @cache
@@ -27,10 +27,6 @@ def package_digest(name: str) -> str:
     return digest(repr(files)) if files else ""
 
 
-class CacheNotSharedError(RuntimeError):
-    """A worker does not see the cache of the command."""
-
-
 class Requirements(NamedTuple):
     """Digests of packages by name, the cache, and the name of a marker in it."""
 
@@ -39,22 +35,18 @@ class Requirements(NamedTuple):
     marker: str = ""
 
     def check(self) -> None:
-        """Raise one of `REQUIREMENT_ERRORS` if this process has other code or sees no marker."""
+        """Raise `RequirementError` if this process has other code or sees no marker."""
         differing = [name for name, code in self.code.items() if package_digest(name) != code]
         if differing:
             remedy = "it must have the code of this process"
-            raise CodeMismatchError(f"has different code of {', '.join(differing)}; {remedy}")
+            raise RequirementError(f"has different code of {', '.join(differing)}; {remedy}")
         if self.packs is not None:
             _check_marker(self.packs, self.marker)
 
 
-REQUIREMENT_ERRORS = (CodeMismatchError, CacheNotSharedError)
-"""Errors of `Requirements.check`."""
-
-
 @cache
 def _check_marker(packs: Objects, mark: str) -> None:
-    """Raise `CacheNotSharedError` without a marker here, or if the folder is another user's."""
+    """Raise `RequirementError` without a marker here, or if the folder is another user's."""
     content = None
     with suppress(OSError):
         content = packs.get(mark)
@@ -64,4 +56,4 @@ def _check_marker(packs: Objects, mark: str) -> None:
         problem, remedy = "sees files of another user in", "it must run as the same user"
     else:
         return
-    raise CacheNotSharedError(f"{problem} {str(packs.path)!r} of this command; {remedy}")
+    raise RequirementError(f"{problem} {str(packs.path)!r} of this command; {remedy}")
