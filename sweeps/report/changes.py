@@ -28,8 +28,7 @@ def change_sentences(compared: Comparison) -> list[str]:
     """Return sentences on the largest change, its setting, and whether it is significant."""
     first, *others = compared.names
     if not compared.frames:
-        common = " in all that they have in common" if compared.partial else ""
-        return [f"{', '.join(others)} and {first} have the same results{common}."]
+        return [f"{', '.join(others)} and {first} have the same results wherever both have any."]
     frame = next(iter(compared.frames.values()))
     label, row = _largest_row(frame)
     figure = frame.figures[0]
@@ -48,14 +47,9 @@ def change_sentences(compared: Comparison) -> list[str]:
             f"Of {table}, {subject} changed most{suffix}: {course}.",
             "This table has no intervals, so significance is unknown.",
         ]
-    begin = subject[0].upper() + subject[1:]
-    if row[figure] == 0:
-        even = f"from {first} to {store} as many answers became wrong as right"
-        sentence = f"{begin}{suffix}: {even}."
-    elif row["significant"] == 1:
+    sentence = f"{subject[0].upper()}{subject[1:]} changed most{suffix}: {course}."
+    if row["significant"] == 1:
         sentence = f"The largest difference beyond chance is that of {subject}{suffix}: {course}."
-    else:
-        sentence = f"{begin} changed most{suffix}: {course}."
     if not compared.number:
         return [sentence, "All answers of tests are equal; only those at learned aspects changed."]
     significance = f"{compared.significant:,} of {compared.number:,}"

@@ -65,8 +65,6 @@ class Comparison:
         Differences that are not all 0, those of percent correct first.
     number, significant : int
         Comparisons over all aspects, and how many are significant by `holm`.
-    partial : bool
-        Whether a store has tables, places or answers that another lacks.
     """
 
     paths: tuple[PathOrUrl, ...]
@@ -74,7 +72,6 @@ class Comparison:
     frames: Mapping[str, Frame]
     number: int = 0
     significant: int = 0
-    partial: bool = False
 
     @property
     def output_path(self) -> Path:
@@ -101,20 +98,15 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     names, first_frames = store_names(paths), read_frames(first)
     comparisons: list[tuple[Display, Pairs]] = []
     tables: dict[str, list[Frame]] = {NAME: []}
-    partial = False
     for path, name in zip(others, names[1:], strict=True):
         second_frames, labels = read_frames(path), {STORE: name} if len(others) > 1 else {}
-        pairs, incomplete = _pair_stores(first, first_frames, path, second_frames, labels)
-        partial |= incomplete or {*first_frames} != {*second_frames}
-        subtracted = []
-        for shared in (
-            table for table in second_frames if table in first_frames and table != SCORES
-        ):
-            pair = first_frames[shared], second_frames[shared]
-            difference = _subtract_frames(*pair, labels)
-            partial |= any(len(frame.rows) > len(difference.rows) for frame in pair)
-            partial |= {*pair[0].figures} != {*pair[1].figures}
-            subtracted += [difference] if len(difference.rows) and difference.figures else []
+        pairs = _pair_stores(first, first_frames, path, second_frames, labels)
+        differences = [
+            _subtract_frames(first_frames[shared], second_frames[shared], labels)
+            for shared in second_frames
+            if shared in first_frames and shared != SCORES
+        ]
+        subtracted = [table for table in differences if len(table.rows) and table.figures]
         if not pairs and not subtracted:
             raise ConfigurationError(
                 _no_overlap_reason(names[0], first_frames, name, second_frames)
@@ -128,12 +120,11 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     of_tests = iter(significant)
     for display, answers in comparisons:
         dataset = answers.tabulate(next(of_tests) if _is_of_tests(display) else None)
-        part = tidy_frame(dataset, display, "")
-        tables[NAME] += [part] if part is not None else []
+        tables[NAME].append(tidy_frame(dataset, display, ""))
     changed = [_keep_changes(stack_frames(parts)) for parts in tables.values() if parts]
     frames = {frame.name: _name_stores(frame, names) for frame in changed if frame is not None}
     count = sum(int(cells.sum()) for cells in significant)
-    return Comparison(paths, names, frames, number, count, partial)
+    return Comparison(paths, names, frames, number, count)
 
 
 def _is_of_tests(display: Display) -> bool:
@@ -146,21 +137,16 @@ def _pair_stores(
     second: PathOrUrl,
     second_frames: Mapping[str, Frame],
     labels: Mapping[str, str],
-) -> tuple[list[tuple[Display, Pairs]], bool]:
-    """Return the common answers of each part of two stores' scores, and whether any are missing."""
-    first_parts, second_parts = (
-        {_part_key(part): part for part in _answer_parts(path, frames)}
-        for path, frames in ((first, first_frames), (second, second_frames))
-    )
-    common, partial = [], first_parts.keys() != second_parts.keys()
-    for key in (key for key in second_parts if key in first_parts):
-        pairs = pair_answers(
-            answers_of(first, first_parts[key]), answers_of(second, second_parts[key])
-        )
-        partial |= pairs is None or pairs.partial
-        display = replace(DISPLAY, labels={**labels, **second_parts[key].display.labels})
-        common += [(display, pairs)] if pairs is not None else []
-    return common, partial
+) -> list[tuple[Display, Pairs]]:
+    """Return the common answers of each part of two stores' scores, with their displays."""
+    first_parts = _answer_parts(first, first_frames)
+    common = []
+    for key, part in _answer_parts(second, second_frames).items():
+        if key in first_parts:
+            pairs = pair_answers(answers_of(first, first_parts[key]), answers_of(second, part))
+            display = replace(DISPLAY, labels={**labels, **part.display.labels})
+            common += [(display, pairs)] if pairs is not None else []
+    return common
 
 
 def store_names(paths: Sequence[PathOrUrl]) -> tuple[str, ...]:
@@ -184,27 +170,20 @@ def _no_overlap_reason(
     first: str, first_frames: Mapping[str, Frame], second: str, second_frames: Mapping[str, Frame]
 ) -> str:
     """Return why stores cannot be compared: they share no table or no value of an axis."""
-    common = [name for name in second_frames if name in first_frames]
-    for table in common:
-        first_frame, second_frame = first_frames[table], second_frames[table]
-        for axis in (
-            name for name in second_frame.place_columns if name in first_frame.place_columns
-        ):
-            values = [values_of(frame.rows, axis) for frame in (first_frame, second_frame)]
+    for table in (name for name in second_frames if name in first_frames):
+        frames = first_frames[table], second_frames[table]
+        for axis in (name for name in frames[1].place_columns if name in frames[0].columns):
+            values = [values_of(frame.rows, axis) for frame in frames]
             if all(values) and not {*values[0]} & {*values[1]}:
-                column = first_frame.columns[axis]
+                column = frames[0].columns[axis]
                 has, have = (", ".join(map(column.text, axis_values[:3])) for axis_values in values)
                 return (
                     f"stores must have a value of {column.words} in common, but {first} has {has} "
                     f"and {second} has {have}"
                 )
-    if common:
-        return (
-            f"stores must have answers to the same views in common, as {first} and {second} do not"
-        )
     return (
-        f"stores must have a table in common, but {first} has {', '.join(first_frames)} "
-        f"and {second} has {', '.join(second_frames)}"
+        "stores must have a table with answers to the same views in common, "
+        f"but {first} has {', '.join(first_frames)} and {second} has {', '.join(second_frames)}"
     )
 
 
@@ -222,18 +201,13 @@ def _subtract_frames(first: Frame, second: Frame, labels: Mapping[str, str]) -> 
     labelled = {name for part in (*first.parts, *second.parts) for name in part.display.labels}
     varying = {n for frame in (first, second) for n in axes if frame.rows[n].nunique() > 1}
     shared = [name for name in axes if name in varying | labelled]
-    unshared = [
-        (frame, [name for name in frame.place_columns if name not in axes])
-        for frame in (first, second)
-    ]
-    first_rows, second_rows = (
-        frame.rows.assign(**{PART: 0})[[PART, *shared, *extra, *figures]]
-        for frame, extra in unshared
-    )
+    places = [name for name in second.place_columns if name in shared or name not in axes]
+    # The number of the part is a key in common even where no axis is.
+    first_rows = first.rows.assign(**{PART: 0})[[PART, *shared, *figures]]
+    second_rows = second.rows.assign(**{PART: 0})[[PART, *places, *figures]]
     rows = second_rows.merge(first_rows, on=[PART, *shared], suffixes=("", f"_{FIRST_STORE}"))
     columns = {name: Column(name, name, name) for name in labels}
-    for frame, extra in reversed(unshared):
-        columns |= {name: frame.columns[name] for name in (*shared, *extra)}
+    columns |= {name: second.columns[name] for name in places}
     for name in figures:
         column, ends = second.columns[name], (f"{name}_{FIRST_STORE}", f"{name}_{SECOND_STORE}")
         rows[ends[1]] = rows[name]
@@ -296,16 +270,12 @@ def _name_stores(frame: Frame, names: Sequence[str]) -> Frame:
     return replace(frame, title=f"{frame.title}: {minuend} less {first}", columns=columns)
 
 
-def _answer_parts(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Part]:
-    """Return the parts of a store's scores that count answers."""
+def _answer_parts(path: PathOrUrl, frames: Mapping[str, Frame]) -> dict[tuple[Any, ...], Part]:
+    """Return the parts of a store's scores that count answers, by what identifies them."""
     answered = list_groups(open_store(path), "classification")
-    return [
-        part
+    return {
+        (part.group, part.display.figures[0].variable, *sorted(part.display.labels.items())): part
         for part in (frames[SCORES].parts if SCORES in frames else ())
         if part.group.removeprefix("tables/") in answered
         if part.display.figures[0].variable in ANSWERS
-    ]
-
-
-def _part_key(part: Part) -> tuple[Any, ...]:
-    return part.group, part.display.figures[0].variable, *sorted(part.display.labels.items())
+    }

@@ -51,8 +51,7 @@ def confusion_frame(
         label_names = {*DISPLAY.rows} - {*counted.coords}
         row_labels = {key: text for key, text in group_labels.items() if key in label_names}
         parts.append(tidy_frame(counted, replace(DISPLAY, labels=row_labels), ""))
-    answered = [part for part in parts if part is not None]
-    return stack_frames(answered) if answered else None
+    return stack_frames(parts) if parts else None
 
 
 def most_confused(

@@ -14,6 +14,7 @@ import xarray as xr
 from ncti.evaluate.answers import DRAWS
 from ncti.text import printable
 from sweeps.engine.declare.display import ATTRIBUTE, Display, Figure, parse_display
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.store.writing import PARTIAL
 from sweeps.report.stores import (
@@ -36,10 +37,9 @@ from sweeps.report.words import (
     words_of,
 )
 
-HIDDEN_COORDS = ("aspect_low", "learned", "known")  # no axes; some of earlier stores
+HIDDEN_COORDS = ("learned", "known")  # no axes
 INTERVAL_SUFFIXES = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of the variables of ends
 BESIDE_SUFFIXES = ("_spread", "_n", "_of")
-MAX_POINTS = 6  # of settings that run together, to be listed
 PERCENT_DIGITS = 1  # decimals of percentages in files
 AXIS_ROLES = ("axis", "along")
 PART = "part"  # column with the number of the part of a frame, not in files
@@ -204,8 +204,6 @@ def frame(path: PathOrUrl, name: str) -> pd.DataFrame:
 
 def select_table(frames: Mapping[str, Frame], name: str) -> Frame:
     """Return the table of a name. Raises ConfigurationError, which lists the names."""
-    from sweeps.engine.declare.errors import ConfigurationError
-
     if name not in frames:
         raise ConfigurationError(f"table is {name!r}, but must be one of {', '.join(frames)}")
     return frames[name]
@@ -224,8 +222,9 @@ def read_frames(path: PathOrUrl) -> dict[str, Frame]:
         for group, name in group_names.items():
             table = read_group(store, group)
             for display in displays_of(table, name):
-                part = tidy_frame(table, display, group)
-                if part is not None:
+                figures = display.figures or tuple(_all_figures(table))
+                if figures and figures[0].variable in table:
+                    part = tidy_frame(table, replace(display, figures=figures), group)
                     parts.setdefault(display.name, []).append(part)
         frames = {name: stack_frames(tables) for name, tables in parts.items()}
         if any(part.display.source for frame in frames.values() for part in frame.parts):
@@ -250,12 +249,10 @@ def displays_of(table: xr.Dataset, name: str) -> list[Display]:
     return [Display(name, str(table.attrs.get("title", name.replace("_", " ").capitalize())))]
 
 
-def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
-    """Return the frame of one display of a group; None if the group lacks its main figure."""
-    declared = display.figures or tuple(_all_figures(table))
-    if not declared or declared[0].variable not in table:
-        return None
-    figures = [_complete_figure(figure, table) for figure in declared if figure.variable in table]
+def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame:
+    """Return the frame of one display of a group, which has the main figure of the display."""
+    declared = [figure for figure in display.figures if figure.variable in table]
+    figures = [_complete_figure(figure, table) for figure in declared]
     figure_columns = _columns_of_figures(table, figures)
     data = table[list(dict.fromkeys(variable for variable, _ in figure_columns.values()))]
     extra = [name for name in (*HIDDEN_COORDS, *DRAWS) if _is_extra(data, name)]
@@ -289,8 +286,7 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame | None:
     column_names = {
         column.axis: name for name, column in columns.items() if column.role in AXIS_ROLES
     }
-    counts = next((table[name] for name in ("view_count", "views") if name in table), None)
-    views = {} if counts is None else {"views": int(counts.max())}
+    views = {"views": int(table.views.max())} if "views" in table else {}
     variables = {name: variable for name, (variable, _) in figure_columns.items()}
     dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
     return Frame(
@@ -332,18 +328,7 @@ def _joint_sentence(data: xr.Dataset, dim: str, main_name: str) -> list[str]:
     if not others:
         return []
     main, *columns = (column_of_axis(data, name) for name in (main_name, *others))
-    if data.sizes[dim] > MAX_POINTS:
-        return [f"Along {main.words} run {', '.join(column.words for column in columns)}."]
-    points = [
-        f"{main.in_words(value)}: "
-        + ", ".join(
-            column.in_words(data[name].values.tolist()[number])
-            for name, column in zip(others, columns, strict=True)
-        )
-        for number, value in enumerate(data[main_name].values.tolist())
-    ]
-    text = "; ".join(points)
-    return [f"{text[0].upper()}{text[1:]}."]
+    return [f"Along {main.words} run {', '.join(column.words for column in columns)}."]
 
 
 def _columns_of_figures(

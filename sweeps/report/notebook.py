@@ -83,7 +83,6 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
     if x == colour:
         raise ValueError(f"colour is {colour!r}, but must differ from x")
     frame = tidy_frame(table, display, "")
-    assert frame is not None  # it has its figure
     by_axis = frame.names_by_axis
     columns = {dim: by_axis[main_coordinate(table, dim)] for dim in (x, colour) if dim}
     content = chart_content(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -32,7 +31,6 @@ class Pairs:
 
     first: xr.DataArray
     second: xr.DataArray
-    partial: bool = False  # whether a store has settings or views that the other lacks
 
     @property
     def _draws(self) -> list[str]:
@@ -48,19 +46,20 @@ class Pairs:
         differ = (self.first.values != self.second.values) & self._answered
         return differ.sum(axis=tuple(range(-2 - len(self._draws), 0)))
 
-    def differences(self) -> AspectAccuracy:
-        """Return the second fraction of right answers less the first, with 95 % intervals."""
-        right = self.first.values == 1, self.second.values == 1
-        options: dict[str, Any] = {"answered": self._answered, "draws": len(self._draws)}
-        return paired_difference(*right, self.first.aspect.values, **options)
+    def differences(self, confidence: float = 0.95) -> AspectAccuracy:
+        """Return the second fraction of right answers less the first, with intervals."""
+        return paired_difference(
+            self.first.values == 1,
+            self.second.values == 1,
+            self.first.aspect.values,
+            answered=self._answered,
+            draws=len(self._draws),
+            confidence=confidence,
+        )
 
-    def excludes_zero(self, confidence: float, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return whether the intervals over all aspects of some cells exclude 0, (cell,)."""
-        right = self.first.values[cells] == 1, self.second.values[cells] == 1
-        options: dict[str, Any] = {"answered": self._answered[cells], "confidence": confidence}
-        # Bins do not matter to the interval over all aspects: one is the quickest.
-        one_bin = np.zeros(self.first.sizes["aspect"])
-        interval = paired_difference(*right, one_bin, draws=len(self._draws), **options)
+    def excludes_zero(self, confidence: float) -> NDArray[np.bool_]:
+        """Return whether the intervals over all aspects exclude 0, (...)."""
+        interval = self.differences(confidence)
         return (interval.ci_low[..., -1] > 0) | (interval.ci_high[..., -1] < 0)
 
     def tabulate(self, significant: NDArray[np.bool_] | None) -> xr.Dataset:
@@ -98,18 +97,18 @@ def holm(family: Sequence[Pairs]) -> tuple[list[NDArray[np.bool_]], int]:
     that are not significant so far. Cells in which all answers are equal are not counted, since
     the number of discordant pairs says nothing about the direction of a difference.
     """
-    # np.asarray: a cell alone is else a scalar, which cannot be assigned to.
-    undecided = [np.asarray(pairs.discordant > 0) for pairs in family]
-    significant = [np.zeros_like(cells) for cells in undecided]
-    number, before = sum(int(cells.sum()) for cells in undecided), -1
-    # Each significant difference leaves fewer to correct the others for. Intervals only shrink
-    # from round to round, so significant cells need not be computed again.
-    while before != (remaining := sum(int(cells.sum()) for cells in undecided)) > 0:
+    compared = [pairs.discordant > 0 for pairs in family]
+    significant = [np.zeros_like(cells) for cells in compared]
+    number = remaining = sum(int(cells.sum()) for cells in compared)
+    before = -1
+    # Each significant difference leaves fewer to correct the others for.
+    while before != remaining > 0:
         confidence, before = 1 - LEVEL / remaining, remaining
-        for pairs, cells, decided in zip(family, undecided, significant, strict=True):
-            if cells.any():
-                decided[cells] = pairs.excludes_zero(confidence, cells)
-                cells &= ~decided
+        significant = [
+            cells & pairs.excludes_zero(confidence)
+            for pairs, cells in zip(family, compared, strict=True)
+        ]
+        remaining = number - sum(int(cells.sum()) for cells in significant)
     return significant, number
 
 
@@ -152,13 +151,8 @@ def pair_answers(first: xr.DataArray, second: xr.DataArray) -> Pairs | None:
     if 0 in former.shape or not {*VIEW} <= {*former.dims}:
         return None
     draws = [dim for dim in DRAWS if dim in former.dims]
-    partial = bool(((former >= 0) != (latter >= 0)).any()) or any(
-        answers.sizes[dim] > former.sizes[dim]
-        for answers in (first, second)
-        for dim in answers.dims
-    )
     order = ..., *draws, *VIEW
-    return Pairs(former.transpose(*order), latter.transpose(*order), partial)
+    return Pairs(former.transpose(*order), latter.transpose(*order))
 
 
 def _expand_dims(answers: xr.DataArray, dims: Iterable[Hashable]) -> xr.DataArray:
