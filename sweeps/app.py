@@ -93,9 +93,9 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     """
     from sweeps.engine.declare.errors import SweepIncompleteError
     from sweeps.report.outputs import blocked_sentence
-    from sweeps.report.page.write import is_current
+    from sweeps.report.page.write import is_current, write_store_page
     from sweeps.report.screen import stdout_console
-    from sweeps.report.summary import finish, print_answer, tables_of, write_store_page
+    from sweeps.report.summary import finish, print_answer, tables_of
     from sweeps.report.timings import write_timings
     from sweeps.stages.irar import Irar
     from sweeps.stages.meshes import mesh_source, read_mesh

@@ -55,11 +55,10 @@ def print_meaning(command: str, word: str) -> int:
 
 
 def _similar_terms(word: str) -> str:
-    """Return the terms with a similar spelling or with a word in common."""
-    by_word, folded = _entries_by_word(), _fold_word(word)
-    close = difflib.get_close_matches(folded, by_word, MAX_SIMILAR)
-    close += [name for name in by_word if set(folded.split()) & set(name.split())]
-    terms = list(dict.fromkeys(by_word[name][0] for name in close))[:MAX_SIMILAR]
+    """Return the terms with a similar spelling."""
+    by_word = _entries_by_word()
+    close = difflib.get_close_matches(_fold_word(word), by_word, MAX_SIMILAR)
+    terms = dict.fromkeys(by_word[name][0] for name in close)
     return f"such as {', '.join(terms)}" if terms else "which --explain alone lists"
 
 

@@ -37,7 +37,6 @@ def buffered_console(console: Console) -> Iterator[Console]:
         force_terminal=console.is_terminal,
         color_system=console.color_system,  # type: ignore[arg-type]
         no_color=console.no_color,
-        legacy_windows=False,
     )
     _write_text(text.getvalue(), console.file, console.encoding)
 

@@ -70,8 +70,7 @@ def check_whole(path: PathOrUrl, groups: Iterable[str] | None = None) -> None:
         is_store = not isinstance(path, Path) or (path / METADATA).exists()
         raise refusal(path, error if is_store else "") from error
     if bad:
-        files = f"{len(bad):,} of its files are" if len(bad) > 1 else "one of its files is"
-        raise refusal(path, f"{files} damaged, missing or of something else: {bad[0]}")
+        raise refusal(path, f"damaged, missing or foreign files, such as {bad[0]}")
 
 
 def refusal(path: PathOrUrl, reason: str | Exception = "") -> ConfigurationError:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
 
-from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.report.answer import answer_table
 from sweeps.report.changes import change_sentences, change_table, settings_sentence
@@ -17,6 +16,7 @@ from sweeps.report.files import write_tables
 from sweeps.report.frames import Frame, read_frames, select_table
 from sweeps.report.headline import accuracy_sentences, headline
 from sweeps.report.outputs import is_free, page_file, tables_folder
+from sweeps.report.page.write import write_comparison_page, write_store_page
 from sweeps.report.pivot import constant_values, lay_out
 from sweeps.report.ranking import main_frame
 from sweeps.report.screen import buffered_console, print_line, print_note
@@ -24,7 +24,6 @@ from sweeps.report.stores import (
     PRINTED_GROUPS,
     attributes,
     check_whole,
-    error_reason,
     failed_cells,
     open_store,
     relative_path,
@@ -58,11 +57,18 @@ def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> li
     Returns the paths at which other files are in the way of tables. Raises OSError if tables cannot
     be written; the places are printed anyway.
     """
-    try:
-        return write_tables(path, frames.values())
-    finally:
-        with buffered_console(console) as buffer:
-            _print_places(path, frames, buffer)
+    with buffered_console(console) as buffer:
+        print_line("", buffer)
+        if failed := failed_cells(open_store(path)):
+            cells = counted(len(failed), "cell")
+            print_line(f"failed  {cells}: the tables cover the others", buffer)
+        store, files = relative_path(path), counted(len(frames), "CSV file")
+        print_line(f"store   {store}", buffer)
+        if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
+            print_line(f"page    {relative_path(page_file(path))}", buffer)
+        print_line(f"tables  {relative_path(tables_folder(path))} ({files})", buffer)
+        print_line(f"next    ncti-report {shlex.quote(store)} --table {next(iter(frames))}", buffer)
+    return write_tables(path, frames.values())
 
 
 def report(
@@ -82,16 +88,12 @@ def report(
         blocked = write_store_page(path, frames) if html else []
         return blocked + finish(path, frames, console)
     selected = select_table(frames, table)
+    with buffered_console(console) as buffer:
+        print_table(lay_out(selected, swept_axes(path)), buffer, max_rows=None)
+        shared = ", ".join(f"{words} {text}" for words, text in constant_values(selected).items())
+        print_note(f"In all rows: {shared}." if shared else "", buffer)
     blocked = write_store_page(path, frames) if html else []
-    try:
-        return blocked + write_tables(path, frames.values())
-    finally:
-        with buffered_console(console) as buffer:
-            print_table(lay_out(selected, swept_axes(path)), buffer, max_rows=None)
-            shared = ", ".join(
-                f"{words} {text}" for words, text in constant_values(selected).items()
-            )
-            print_note(f"In all rows: {shared}." if shared else "", buffer)
+    return blocked + write_tables(path, frames.values())
 
 
 def report_comparison(
@@ -106,27 +108,22 @@ def report_comparison(
     Also write all differences, with `html` as a page, too. Of stores with the same results the
     files of an earlier comparison are removed instead. Returns the paths at which other files are
     in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError if the
-    stores have nothing in common, or a table is asked for of equal ones.
+    stores have nothing in common.
     """
     for path in (first, *others):
         check_whole(path)
     compared = compare(first, *others)
-    blocked = [] if compared.frames else _remove_files(compared.output_path)
-    if table is not None and not compared.frames:
-        raise ConfigurationError(f"there is no table {table!r}: {change_sentences(compared)[0]}")
-    selected = None if table is None else select_table(compared.frames, table)
     with buffered_console(console) as buffer:
-        if selected is not None:
+        if table is not None and compared.frames:
+            selected = select_table(compared.frames, table)
             print_table(lay_out(selected, swept_axes(first)), buffer, max_rows=None)
         else:
             _print_changes(compared, buffer, html=html)
     if not compared.frames:
-        return blocked
+        return _remove_files(compared.output_path)
     blocked = write_tables(compared.output_path, compared.frames.values())
     if html:
-        from sweeps.report.page.write import comparison_page
-
-        blocked += _write_page(compared.output_path, lambda: comparison_page(compared))
+        blocked += write_comparison_page(compared)
     return blocked
 
 
@@ -136,28 +133,6 @@ def _remove_files(store: Path) -> list[Path]:
     if page_path.is_file() and is_free(page_path):
         page_path.unlink()
     return write_tables(store, []) if folder.is_dir() else []
-
-
-def write_store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
-    """Write the report page of a store; see `write_page`.
-
-    Raises ConfigurationError if it cannot be written.
-    """
-    from sweeps.report.page.write import store_page
-
-    return _write_page(path, lambda: store_page(path, frames))
-
-
-def _write_page(path: PathOrUrl, make: Callable[[], str]) -> list[Path]:
-    """Write the page of a store; raise its errors as ConfigurationError."""
-    from sweeps.report.page.write import write_page
-
-    try:
-        return write_page(page_file(path), make)
-    # zarr and xarray raise various errors for damaged groups without a table.
-    except Exception as error:
-        fault = getattr(error, "strerror", None) or error_reason(error)
-        raise ConfigurationError(f"the report page is not written: {fault}") from error
 
 
 def swept_axes(path: PathOrUrl) -> Sequence[str]:
@@ -187,18 +162,3 @@ def _print_changes(compared: Comparison, console: Console, *, html: bool) -> Non
     else:
         stores = " ".join(shlex.quote(relative_path(path)) for path in compared.paths)
         print_line(f"next    ncti-report {stores} --html", console)
-
-
-def _print_places(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> None:
-    """Print the paths of a store, its page and its tables, and the number of failed cells."""
-    print_line("", console)
-    if failed := failed_cells(open_store(path)):
-        cells = counted(len(failed), "cell")
-        print_line(f"failed  {cells}: the tables cover the others", console)
-    print_line(f"store   {relative_path(path)}", console)
-    if page_file(path).is_file() and is_free(page_file(path)):  # else it is not of a report
-        print_line(f"page    {relative_path(page_file(path))}", console)
-    files = counted(len(frames), "CSV file")
-    print_line(f"tables  {relative_path(tables_folder(path))} ({files})", console)
-    table = next(iter(frames))
-    print_line(f"next    ncti-report {shlex.quote(relative_path(path))} --table {table}", console)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import sweeps.report
 from ncti.text import printable
+from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.objects import Objects
 from sweeps.engine.store.arrays import METADATA
@@ -26,6 +25,7 @@ from sweeps.report.outputs import (
     seal_page,
     write_atomically,
 )
+from sweeps.report.stores import error_reason
 
 if TYPE_CHECKING:
     from sweeps.report.compare import Comparison
@@ -36,18 +36,37 @@ SOURCES = (".py", ".html", ".css", ".js", ".json", ".yaml", ".md")
 STAMP = "ncti-store"  # name of the meta element that identifies the store of a page
 
 
-def write_page(path: Path, make: Callable[[], str]) -> list[Path]:
-    """Write a page atomically.
+def write_store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> list[Path]:
+    """Write the page of a store with its tables; see `_write_page`."""
+    from sweeps.report.page.content import store_content
 
-    Returns the path if another file is in its place. Raises OSError if the store cannot be read, or
-    the page cannot be written.
+    return _write_page(path, lambda: store_content(path, frames), path)
+
+
+def write_comparison_page(compared: Comparison) -> list[Path]:
+    """Write the page of a comparison; see `_write_page`."""
+    from sweeps.report.page.content import comparison_content
+
+    return _write_page(compared.output_path, lambda: comparison_content(compared), *compared.paths)
+
+
+def _write_page(
+    path: PathOrUrl, make: Callable[[], Mapping[str, Any]], *stores: PathOrUrl
+) -> list[Path]:
+    """Write the page beside a path atomically, with the content made of some stores.
+
+    Returns the path of the page if another file is in its place. Raises ConfigurationError if a
+    store cannot be read, or the page cannot be written.
     """
-    if not is_free(path):  # found before drawing
-        return [path]
-    content = seal_page(make())
-    if not is_free(path):
-        return [path]
-    write_atomically(path, content)
+    page = page_file(path)
+    if not is_free(page):  # found before drawing
+        return [page]
+    try:
+        write_atomically(page, seal_page(render_template("page.html", make(), _stamp(*stores))))
+    # zarr and xarray raise various errors for damaged groups without a table.
+    except Exception as error:
+        fault = getattr(error, "strerror", None) or error_reason(error)
+        raise ConfigurationError(f"the report page is not written: {fault}") from error
     return []
 
 
@@ -61,34 +80,13 @@ def is_current(store: PathOrUrl) -> bool:
 
 
 def _stamp(*stores: PathOrUrl) -> str:
-    """Return a digest of stores' attributes, of the version and of the report's sources."""
+    """Return a digest of stores' attributes and of the report's sources."""
     attributes = b"".join(Objects(store).get(METADATA) or b"" for store in stores)
-    return hashlib.sha256(_code_digest().encode() + attributes).hexdigest()[:32]
-
-
-def _code_digest() -> str:
-    """Return a digest of the code that writes a page."""
-    digest = hashlib.sha256()
-    with suppress(PackageNotFoundError):
-        digest.update(version("ncti-sweep").encode())
+    digest = hashlib.sha256(attributes)
     for file in sorted(FOLDER.rglob("*")):
         if file.suffix in SOURCES:
-            digest.update(hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()
-
-
-def store_page(path: PathOrUrl, frames: Mapping[str, Frame]) -> str:
-    """Return the page of a store with its tables, not yet sealed."""
-    from sweeps.report.page.content import store_content
-
-    return render_template("page.html", store_content(path, frames), _stamp(path))
-
-
-def comparison_page(compared: Comparison) -> str:
-    """Return the page of a comparison, not yet sealed."""
-    from sweeps.report.page.content import comparison_content
-
-    return render_template("page.html", comparison_content(compared), _stamp(*compared.paths))
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:32]
 
 
 def render_template(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
