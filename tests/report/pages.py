@@ -8,7 +8,8 @@ from pathlib import Path
 import zarr
 from stores import signed
 
-from sweeps.report.page import write
+from sweeps.report.outputs import page_file
+from sweeps.report.page.write import write_store_page
 from sweeps.report.summary import tables_of
 
 VOID = {"meta", "link", "img", "br", "input"}
@@ -108,4 +109,5 @@ def stored(path, attributes=None, **groups):
 
 def page_of(path):
     """Return the HTML text of a store's report page."""
-    return write.store_page(path, tables_of(path))
+    assert write_store_page(path, tables_of(path)) == []
+    return page_file(path).read_text(encoding="utf-8")

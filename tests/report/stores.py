@@ -1,7 +1,6 @@
 """Helpers that make finished stores, and that run and read their reports."""
 
 import csv
-import io
 import warnings
 from pathlib import Path
 from typing import Any
@@ -10,14 +9,12 @@ from zlib import crc32
 import zarr
 from commands import swept
 from once import made_once
-from rich.console import Console
 
 from sweeps.engine.cache.packs import seal
 from sweeps.engine.store.manifest import MANIFEST
 from sweeps.report import stores as of_stores
 from sweeps.report.command import main
 from sweeps.report.outputs import tables_folder
-from sweeps.report.summary import report
 
 COARSE = ["render.pixel=0.5", "render.engine=embree"]
 # Flights of coarse pixels and few lines, which take a tenth of a second each.
@@ -68,13 +65,6 @@ def rows_of(path: Path, name: str) -> list[dict[str, str]]:
     """Return the rows of a store's table from its CSV file."""
     with (tables_folder(path) / f"{name}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
-
-
-def printed(path: Path, width: int = 200) -> str:
-    """Return the printed report of a store."""
-    console = Console(file=io.StringIO(), width=width)
-    report(path, console)
-    return console.file.getvalue()
 
 
 def attributes_of(path: Path) -> dict[str, Any]:

@@ -19,7 +19,8 @@ BINS = ("0-27", "30-57", "60-90", "overall")
 
 
 def found(tmp_path, attributes=SOURCE, **more):
-    table = scores(prefixes=("", "training_"), bins=BINS, **AXES, frame_count=[4, 16], **more)
+    axes = AXES | {"frame_count": [4, 16]} | more
+    table = scores(prefixes=("", "training_"), bins=BINS, **axes)
     path = stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))
     return read_frames(path)["scores"].rows
 
@@ -37,39 +38,31 @@ def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "changed",
+    ("place", "value"),
     [
-        {"grid": {"aspect": [0, 90]}},
-        {"ladar": {"cnr": 20.0}},
-        {"ladar": {"place": "random"}},
-        {"classifier": {"unknown": ["texas"]}},
-        {"digests": {"duncan": "0"}},
-        {"range": 50.0},
-        {"aspects": ["between"]},
-        {"grid": {"aspect": list(range(0, 91, 2))}},
-        {"grid": {"aspect": [*range(0, 91, 3), 20], "random_aspects": 1}},
-        {"transforms": {"duncan": "scale: 0.5"}},
+        ("configuration.grid.aspect", [0, 90]),
+        ("configuration.grid.aspect", list(range(0, 91, 2))),
+        ("configuration.grid", {"aspect": [*range(0, 91, 3), 20], "random_aspects": 1}),
+        ("configuration.ladar.cnr", 20.0),
+        ("configuration.ladar.place", "random"),
+        ("configuration.classifier.unknown", ["texas"]),
+        ("mesh_digests.duncan", "0"),
+        ("mesh_transforms.duncan", "scale: 0.5"),
     ],
-    ids=str,
 )
-def test_nothing_stands_beside_other_views_or_settings(changed, tmp_path):
-    attributes, more = copy.deepcopy(SOURCE), {}
-    for key, value in changed.items():
-        if key == "digests":
-            attributes["mesh_digests"] |= value
-        elif key == "transforms":
-            attributes["mesh_transforms"] = value
-        elif key in ("range", "aspects"):
-            more[key] = value
-        else:
-            attributes["configuration"].setdefault(key, {}).update(value)
-    if "range" in more:
-        table = scores(prefixes=("",), bins=BINS, **(AXES | more), frame_count=[4, 16])
-        path = stored(tmp_path / "s.zarr", attributes, tables__acn=displayed(table))
-        rows = read_frames(path)["scores"].rows
-    else:
-        rows = found(tmp_path, attributes, **more)
-    assert "article_percent_correct" not in rows
+def test_nothing_stands_beside_other_views_or_settings(place, value, tmp_path):
+    attributes = copy.deepcopy(SOURCE)
+    *above, last = place.split(".")
+    inner = attributes
+    for key in above:
+        inner = inner.setdefault(key, {})
+    inner[last] = value
+    assert "article_percent_correct" not in found(tmp_path, attributes)
+
+
+@pytest.mark.parametrize("axis", [{"range": 50.0}, {"aspects": ["between"]}], ids=str)
+def test_nothing_stands_beside_other_values_of_axes(axis, tmp_path):
+    assert "article_percent_correct" not in found(tmp_path, **axis)
 
 
 @pytest.mark.parametrize("number", [1, 10])

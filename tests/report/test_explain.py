@@ -10,12 +10,8 @@ from sweeps.report.explain import glossary, meaning
 from sweeps.report.frames import read_frames
 from sweeps.report.outputs import page_file
 
-ABBREVIATIONS = ("ACN", "MNN", "IFOV", "CNR", "NEdT", "chance", "n", "interval", "vigilance")
 
-
-@pytest.mark.parametrize(
-    "word", [*ABBREVIATIONS, "acn", "points below bound", "frame_count", "Range-Profile"]
-)
+@pytest.mark.parametrize("word", ["ACN", "acn", "points below bound", "Range-Profile"])
 def test_both_commands_print_the_entry_of_the_glossary(word, monkeypatch, capsys):
     assert reported(monkeypatch, "--explain", *word.split()) == 0
     captured = capsys.readouterr()

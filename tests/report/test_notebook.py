@@ -2,8 +2,6 @@
 
 import html
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -68,9 +66,3 @@ def test_other_arguments_are_refused(arguments, said):
 def test_a_data_set_without_numbers_is_refused():
     with pytest.raises(ValueError, match=r"^the data set has no numeric variable$"):
         chart(xr.Dataset({"name": ("age", ["a", "b"])}, {"age": [1, 2]}), x="age")
-
-
-def test_it_is_listed_before_it_is_imported():
-    listed = "import sys, sweeps.report as of; print('chart' in dir(of), 'xarray' in sys.modules)"
-    result = subprocess.run([sys.executable, "-c", listed], capture_output=True, check=True)
-    assert result.stdout == b"True False\n"

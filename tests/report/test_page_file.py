@@ -18,21 +18,10 @@ from sweeps.engine.objects import Objects
 from sweeps.engine.run.schedule import Progress
 from sweeps.report.outputs import page_file
 from sweeps.report.page import write
-from sweeps.report.pictures import describe_ships, pictures_of
-from sweeps.report.summary import tables_of, write_store_page
+from sweeps.report.page.write import write_store_page
+from sweeps.report.pictures import describe_ships
+from sweeps.report.summary import tables_of
 from sweeps.report.timings import read_timings, write_timings
-
-# pictures -----------------------------------------------------------------------------------------
-
-
-def test_a_picture_that_fails_says_why(tmp_path):
-    path = stored(tmp_path / "s.zarr", validation=xr.Dataset({"looks": ("ship", np.ones(1))}))
-    store = zarr.open_group(path, mode="r")
-    ((group, (picture, why)),) = pictures_of(path, store, {}).items()
-    assert group == "validation" and not picture and why
-
-
-# files --------------------------------------------------------------------------------------------
 
 
 def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
@@ -57,13 +46,6 @@ def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
     assert [entry.name for entry in tmp_path.iterdir() if "partial" in entry.name] == []
 
 
-def test_a_page_in_the_way_costs_the_sweep_a_sentence(tmp_path, capsys):
-    path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
-    page_file(path).mkdir()
-    assert write_store_page(path, tables_of(path)) == [page_file(path)]
-    assert capsys.readouterr().err == "" and page_file(path).is_dir()
-
-
 def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, monkeypatch):
     path = stored(tmp_path / "s.zarr", {"seed": 1}, tables__o=scores(a=[1, 2]))
     copy = tmp_path / "report"
@@ -73,7 +55,7 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
     assert write_store_page(path, tables_of(path)) == [] and write.is_current(path)
     stored(path, {"seed": 2})
     assert not write.is_current(path)
-    for name in ("page/content.py", "page/templates/page.js", "frames.py"):
+    for name in ("page/templates/page.js", "frames.py"):
         assert write_store_page(path, tables_of(path)) == [] and write.is_current(path)
         with (copy / name).open("a") as file:
             file.write("\n")

