@@ -43,11 +43,11 @@ def extents():
 
 
 def made(cnr):
-    arguments = [VIEWS[0], *VIEWS], [PLACES[0], *PLACES]
+    arguments = [VIEWS[-1], *VIEWS], [PLACES[-1], *PLACES]
     views = seen_views(*arguments, footprint=FOOTPRINT, window=BINS)
     options = {"pulse_width": [30e-9], "bin_width": 1.0, "bins": BINS, "learned": 1}
     arrays = signatures(views, cnr=[cnr], **options)
-    assert np.array_equal(arrays["power"][0, 0, 0], arrays["power"][0, 0, 1])
+    assert np.array_equal(arrays["power"][0, 0, 0], arrays["power"][0, 0, -1])
     return arrays["excess"][0, 0, 1:], arrays["power"][0, 0, 1:], arrays["ifovs"][0, 0]
 
 

@@ -42,7 +42,7 @@ def test_a_ship_that_the_window_does_not_hold_is_refused():
 def test_two_known_silhouettes_are_told_apart_as_often_as_theory_says(frames, slant_range):
     count = 20_000
     templates = np.zeros((2, 1, 4, 12), bool)
-    templates[0, 0, 1:3, 1:9] = templates[1, 0, 1:3, 2:10] = True  # 4 pixels apart
+    templates[0, 0, 1:3, 1:9] = templates[1, 0, 1:3, 1:11] = True  # 4 pixels apart
     true = np.arange(count) % 2
     match = SilhouetteMatch(templates, templates[true, 0], templates, np.random.default_rng(1))
     evidence = match.evidence(frames, imager=IMAGER, slant_range=slant_range, gain_sigma=0.0)
