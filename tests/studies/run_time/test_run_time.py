@@ -21,7 +21,7 @@ SMALL = (
 SINGLE = ("range", "frame_count", "bin_width")
 EDGES = np.arange(-125.0, 126.0)
 VIEW = {"aspect": 60.0, "depression": 3.84}
-PLACE = {"ship": "texas", "pixel": 1}
+PLACE = {"ship": "texas"}
 
 
 def test_errors_are_those_of_the_library_beside_the_reference(tmp_path):
