@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ncti.checks import require, require_all
+from ncti.checks import require
 
 
 def detection_threshold(*, false_alarm: float, sigma: float) -> float:
@@ -58,7 +57,7 @@ def detection_threshold(*, false_alarm: float, sigma: float) -> float:
 
 
 def detection_probability(
-    target: int | NDArray[np.bool_],
+    pixels: int,
     *,
     contrast: float,
     target_sigma: float,
@@ -69,8 +68,8 @@ def detection_probability(
 
     Parameters
     ----------
-    target : int or (row, col) bool array_like
-        Number of the ship's pixels, or its template.
+    pixels : int
+        Number of the ship's pixels.
     contrast : float
         Mean temperature of the ship above the mean sea [K].
     target_sigma, sea_sigma : float
@@ -86,7 +85,7 @@ def detection_probability(
     Raises
     ------
     ValueError
-        If a parameter is out of range, or the target is neither a number nor boolean.
+        If a parameter is out of range.
 
     See Also
     --------
@@ -118,25 +117,11 @@ def detection_probability(
     require("contrast", contrast)
     require("target_sigma", target_sigma, positive=True)
     require("sea_sigma", sea_sigma, positive=True)
-    count = _pixels(target)
+    require("pixels", pixels, whole=True, minimum=0)
     threshold = detection_threshold(false_alarm=false_alarm, sigma=sea_sigma)
-    if count == 0:
+    if pixels == 0:
         return 0.0
     from scipy.special import log_ndtr
 
     log_missed = float(log_ndtr((threshold - contrast) / target_sigma))
-    return float(-np.expm1(count * log_missed))
-
-
-def _pixels(target: int | NDArray[np.bool_]) -> int:
-    """Return the number of ship pixels of a target given as a number or as a template."""
-    if not (isinstance(target, np.ndarray) and target.dtype == bool):
-        number = require_all("target", target, whole=True, minimum=0.0)
-        if number.ndim == 0:
-            return int(number)
-        dtype = np.asarray(target).dtype
-        if dtype.kind != "b":
-            raise ValueError(
-                f"target is an array of {dtype}, but must be a number of pixels or an array of bool"
-            )
-    return int(np.count_nonzero(target))
+    return float(-np.expm1(pixels * log_missed))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require
+from ncti.checks import require, require_all, require_generator
 
 # Number of frames whose sum the generator itself draws first: as many as the article averages.
 ANCHOR_FRAMES = 16
@@ -56,6 +56,7 @@ def draw_scene(
     generator draws first the scene and then W(16); the others draw one sum each, in the same order.
     A larger window therefore changes no bit on the ship, and a rim none in the window.
     """
+    require_generator("rng", rng)
     target = np.asarray(target, dtype=bool)
     if target.ndim != 2:
         raise ValueError(f"target has {target.ndim} axes, but must have a row and a column axis")
@@ -63,16 +64,12 @@ def draw_scene(
     require("nedt", nedt, minimum=0.0)
     require("target_spread", target_spread, minimum=0.0)
     require("sea_spread", sea_spread, minimum=0.0)
-    if np.size(frame_counts) == 0:
+    counts = require_all("frame_counts", frame_counts, whole=True, minimum=1.0)
+    if not counts.size:
         raise ValueError("frame_counts is empty, but must hold at least one number")
-    counts = np.ravel(frame_counts).tolist()
-    for count in counts:
-        require("frame_counts", count, minimum=1.0)
-        if count != int(count):
-            raise ValueError(f"frame_counts is {count!r}, but must be whole numbers")
+    numbers = [int(count) for count in counts.ravel()]
 
     # Temperature of the scene: its spread, and the contrast on the ship.
-    numbers = [int(count) for count in counts]
     node = _nodes(target, rim, rng)
     scene, anchor = _draw(target, 2, rim, rng)
     if target_spread == sea_spread:

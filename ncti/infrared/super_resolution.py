@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_generator
+from ncti.checks import require
 from ncti.infrared.radiometry import NEDT, SPREAD, float_or_array
 from ncti.infrared.scene import draw_scene
 
@@ -27,13 +27,6 @@ Within one half pixel of the ship's outline, ship and sea mix.
 """
 
 
-MIN_CONTRAST = 1e-30
-"""Least contrast that an error may be a fraction of [K].
-
-No sensor sees so little, yet errors of any scene over it are numbers that a float32 can hold.
-"""
-
-
 def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return interlaced detector images (..., row - 1, col - 1) from four half-pixel positions.
 
@@ -45,7 +38,6 @@ def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     half pixel to half pixel, so its algebraic inverse needs a known border, and amplifies noise
     without bound.
     """
-    fine = _checked_images("fine", fine, low=2)
     pairs = fine[..., :-1] + fine[..., 1:]
     return (pairs[..., :-1, :] + pairs[..., 1:, :]) / 4
 
@@ -83,7 +75,6 @@ def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     up to 39 % in one iteration: sharpening amplifies noise and the sea's own pattern more than it
     removes blur.
     """
-    samples = _checked_images("samples", samples, low=2)
     fine = samples[..., 1:, 1:] + samples[..., 1:, :-1]
     fine += samples[..., :-1, 1:]
     fine += samples[..., :-1, :-1]
@@ -128,8 +119,8 @@ def shifted_images(
     Raises
     ------
     ValueError
-        If a parameter is out of range, the target is not an image of at least one pixel, or the
-        generator has no seed sequence.
+        If a parameter is out of range, the target is not an image, or the generator has no seed
+        sequence.
 
     See Also
     --------
@@ -166,8 +157,6 @@ def shifted_images(
     >>> print(f"{images.std():.2f} K")
     0.05 K
     """
-    fine_target = _checked_images("fine_target", fine_target, bool, axes=2)
-    require_generator("rng", rng)
     require("target_spread", target_spread, minimum=0.0)
     require("sea_spread", sea_spread, minimum=0.0)
     scene, noise = draw_scene(
@@ -186,7 +175,7 @@ def shifted_images(
 
 def enlarge(image: NDArray[Any]) -> NDArray[Any]:
     """Repeat each pixel of (..., row, col) images twice by twice, onto the half-pixel grid."""
-    return _checked_images("image", image, None).repeat(2, axis=-2).repeat(2, axis=-1)
+    return image.repeat(2, axis=-2).repeat(2, axis=-1)
 
 
 def reconstruction_error(
@@ -201,7 +190,7 @@ def reconstruction_error(
     fine_target : (row, col) bool array_like
         True on the ship.
     contrast : float
-        Mean temperature of the ship above the mean sea [K], at least 1e-30.
+        Mean temperature of the ship above the mean sea [K], above 0.
 
     Returns
     -------
@@ -212,7 +201,7 @@ def reconstruction_error(
     Raises
     ------
     ValueError
-        If the contrast is too small or not finite, or the shapes differ or have no pixel.
+        If the contrast is not positive and finite, or the shapes differ.
 
     See Also
     --------
@@ -233,27 +222,11 @@ def reconstruction_error(
     >>> reconstruction_error(np.zeros((2, 2)), target, contrast=0.27)
     0.5
     """
-    require("contrast", contrast, minimum=MIN_CONTRAST)
-    image, fine_target = (
-        _checked_images("image", image),
-        _checked_images("fine_target", fine_target, bool, axes=2),
-    )
+    require("contrast", contrast, positive=True)
+    image, fine_target = np.asarray(image, dtype=np.float64), np.asarray(fine_target, dtype=bool)
     if image.shape[-2:] != fine_target.shape:
         raise ValueError(
             f"image has shape {image.shape}, but must end in the target's {fine_target.shape}"
         )
     error = np.sqrt(np.mean((image - contrast * fine_target) ** 2, axis=(-2, -1)))
     return float_or_array(error / contrast)
-
-
-def _checked_images(
-    name: str, values: Any, dtype: Any = np.float64, *, low: int = 1, axes: int | None = None
-) -> NDArray[Any]:
-    """Return values as an array of images, or of one if `axes` is 2, `low` pixels wide or more."""
-    images = np.asarray(values, dtype=dtype)
-    if images.ndim < 2 or images.ndim != (axes or images.ndim) or min(images.shape[-2:]) < low:
-        raise ValueError(
-            f"{name} has shape {images.shape}, but must be "
-            f"{'an image' if axes else 'images'} of at least {low} by {low} pixels"
-        )
-    return images

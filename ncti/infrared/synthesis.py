@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_generator, require_word
+from ncti.checks import require, require_word
 from ncti.infrared.radiometry import NEDT, SPREAD, Values, float_or_array, noise_temperature
 from ncti.infrared.scene import draw_scene
 from ncti.infrared.super_resolution import NOISE_GAIN, SCENE_GAIN
@@ -83,7 +83,6 @@ def thermal_images(
     >>> images.std(axis=(1, 2)).round(2)
     array([0.41, 0.14])
     """
-    require_generator("rng", rng)
     scene, noise = draw_scene(
         target,
         contrast=contrast,

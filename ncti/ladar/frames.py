@@ -22,8 +22,6 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # Number of target-free IFOVs from which their sum is drawn as one Gaussian process: the sum of 100
 # Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
-FRAMES_AT_ONCE = 32
-MAX_DRAWN = 2**17  # target-free IFOVs drawn individually; a frame of 250 bins then takes seconds
 TARGET_FREE_ROW = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
@@ -131,10 +129,7 @@ def sample_frames(
         receiver=receiver,
         false_alarm=false_alarm,
     )
-    frames = np.empty((int(frame_count), extent.down_range.size))
-    for first, block in zip(range(0, len(frames), FRAMES_AT_ONCE), blocks, strict=True):
-        frames[first : first + FRAMES_AT_ONCE] = block
-    return frames
+    return np.concatenate(list(blocks))
 
 
 def frame_blocks(
@@ -158,8 +153,8 @@ def frame_blocks(
     Yields
     ------
     (frame, bin) float64 ndarray
-        The next frames, at most `FRAMES_AT_ONCE`. Together the blocks are the rows of
-        `sample_frames` for an equal generator, bit for bit. Blocks do not share memory.
+        The next frames, at most eight. Together the blocks are the rows of `sample_frames` for an
+        equal generator, bit for bit. Blocks do not share memory.
 
     Raises
     ------
@@ -173,17 +168,12 @@ def frame_blocks(
 
     Examples
     --------
-    A thousand frames of noise alone, from 20 IFOVs, in blocks of 32. Their mean is the noise floor
-    of the 20 IFOVs:
+    A thousand frames of noise alone, from 20 IFOVs. Their mean is the noise floor of the 20 IFOVs:
 
     >>> import numpy as np
-    >>> from ncti.ladar import RangeExtent, cumulative_average, frame_blocks, noise_floor
-    >>> empty = RangeExtent(
-    ...     fraction=np.zeros((0, 250)), down_range=np.arange(250) - 124.5, bin_width=1.0,
-    ...     cell=np.zeros((0, 2), dtype=np.int64), ifov=150e-6, slant_range=100e3,
-    ... )
+    >>> from ncti.ladar import cumulative_average, frame_blocks, no_return, noise_floor
     >>> blocks = frame_blocks(
-    ...     empty, pulse_width=30e-9, cnr=10**3.2, frame_count=1000,
+    ...     no_return(250.0, 1.0), pulse_width=30e-9, cnr=10**3.2, frame_count=1000,
     ...     rng=np.random.default_rng(0), target_free_ifovs=20,
     ... )
     >>> (average,) = cumulative_average(blocks, [1000])
@@ -198,11 +188,6 @@ def frame_blocks(
     bins = extent.down_range.size
     pulse = Pulse(pulse_width, extent.bin_width)
     as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
-    if not as_sum and target_free_ifovs > MAX_DRAWN:
-        raise ValueError(
-            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MAX_DRAWN} for the "
-            f"receiver {receiver}, which sees each of them"
-        )
     from ncti.ladar.waveforms import accumulate_frames
     from ncti.normals import draw_key
 
@@ -220,15 +205,13 @@ def frame_blocks(
         """Yield the blocks, from normals and waveforms in reused memory."""
         waveforms = Waveforms(noise, speckle, key=key, cell=cell)
         floor = _TargetFreeNoise(pulse, bins, key) if as_sum else None
-        for first in range(0, frame_count, FRAMES_AT_ONCE):
-            block = np.full((min(FRAMES_AT_ONCE, frame_count - first), bins), level)
-            for start in range(0, len(block), ROWS_AT_ONCE):
-                rows, number = block[start : start + ROWS_AT_ONCE], first + start
-                if floor:
-                    rows += math.sqrt(target_free_ifovs) * floor.deviations(number, len(rows))
-                # All other IFOVs individually: waveform, receiver, sum.
-                for amplitude in waveforms.magnitudes(number, len(rows)):
-                    accumulate_frames(detected(amplitude), rows)
+        for first in range(0, frame_count, ROWS_AT_ONCE):
+            block = np.full((min(ROWS_AT_ONCE, frame_count - first), bins), level)
+            if floor:
+                block += math.sqrt(target_free_ifovs) * floor.deviations(first, len(block))
+            # All other IFOVs individually: waveform, receiver, sum.
+            for amplitude in waveforms.magnitudes(first, len(block)):
+                accumulate_frames(detected(amplitude), block)
             yield block
 
     return blocks()

@@ -4,9 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from fine_templates import template
 from scipy import stats
-from warm_views import SHIPS
+from ships_on_pixels import SHIPS, template
 
 from ncti import infrared
 from ncti.infrared import super_resolution
