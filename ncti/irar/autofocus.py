@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import NothingSeenError, require
+from ncti.checks import NothingSeenError
 from ncti.irar.chain import Correction, correct, segmented
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import compass_directions
@@ -29,6 +29,8 @@ MAX_ROUNDS = 3
 """Number of iterations. A wrong speed smears the looks of a pixel, less in each round."""
 
 STEP = 0.01
+REACH = 0.1
+"""Largest error of the closing speed that is searched for, as a fraction of it."""
 
 
 def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
@@ -49,7 +51,7 @@ def slope_spectrum(slopes: Floats, *, steepest: float) -> tuple[Floats, Floats]:
     return centres.astype(np.float64), smooth
 
 
-def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
+def autofocus(scan: Scan, estimate: Flight) -> Flight:
     """Return the flight with the aircraft speed at which most steep faces are upright.
 
     Parameters
@@ -57,9 +59,7 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
     scan : Scan
         Raw images.
     estimate : Flight
-        The flight as navigation measures it.
-    reach : float
-        Largest error of the closing speed to search for, as a fraction of it, below 1.
+        The flight as navigation measures it, with a closing speed at most 10 % off.
 
     Returns
     -------
@@ -68,8 +68,6 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
 
     Raises
     ------
-    ValueError
-        If the reach is out of range.
     ncti.checks.NothingSeenError
         If nothing in the corrected image is a deck high.
 
@@ -106,10 +104,9 @@ def autofocus(scan: Scan, estimate: Flight, *, reach: float = 0.1) -> Flight:
     >>> print(f"{corrected.aircraft_speed:.0f} m/s")
     90 m/s
     """
-    require("reach", reach, positive=True, below=1)
     flight = estimate
     for _ in range(MAX_ROUNDS):
-        slope = _commonest_slope(scan, flight, reach=reach)
+        slope = _commonest_slope(scan, flight)
         # An error dv of the closing speed makes an upright face lean by dv / climb.
         error = -slope * flight.climb / closing_per_speed(flight)
         flight = replace(flight, aircraft_speed=flight.aircraft_speed + error)
@@ -122,7 +119,7 @@ def closing_per_speed(flight: Flight) -> float:
     return math.copysign(max(abs(gain), 1e-3), gain)
 
 
-def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
+def _commonest_slope(scan: Scan, flight: Flight) -> float:
     """Return the most frequent slope of faces in the corrected image [m/m]."""
     image = segmented(correct(scan, Correction(), estimate=flight, overscanned=True), flight)
     # Horizontal distance of every pixel, from its range and its angle below the horizon.
@@ -138,5 +135,5 @@ def _commonest_slope(scan: Scan, flight: Flight, *, reach: float) -> float:
         raise NothingSeenError(
             f"scan shows nothing {SLOPE_HEIGHT:g} m high after correction, but must show a ship"
         )
-    slope, count = slope_spectrum(slopes, steepest=reach * flight.closing_speed / flight.climb)
+    slope, count = slope_spectrum(slopes, steepest=REACH * flight.closing_speed / flight.climb)
     return float(slope[np.argmax(count)])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_all, require_shape, require_word
+from ncti.checks import require, require_all, require_word
 from ncti.irar.flight import Flight
 from ncti.irar.looks import (
     average,
@@ -291,10 +291,7 @@ def segmented(snapshot: Snapshot, flight: Flight, *, threshold: float | None = N
     212 m^2
     """
     level = sea_level(snapshot.looks, flight) if threshold is None else threshold
-    levels = require_all("threshold", level, minimum=0.0)
-    require_shape("range", snapshot.range, snapshot.intensity.shape)
-    require_shape("threshold", levels, (), snapshot.intensity.shape)
-    ship = snapshot.intensity >= levels
+    ship = snapshot.intensity >= require_all("threshold", level, minimum=0.0)
     # A range of zero is valid, at the ship's origin, so NaN marks no range.
     intensity = np.where(ship, snapshot.intensity, 0.0)
     return replace(snapshot, intensity=intensity, range=np.where(ship, snapshot.range, math.nan))
@@ -362,7 +359,6 @@ def profile(
     """
     require("bins", bins, whole=True, minimum=1)
     require("bin_width", bin_width, positive=True)
-    require_shape("down_range", snapshot.range, snapshot.intensity.shape)
     share = math.prod(
         float(place[1] - place[0]) for place in (snapshot.row, snapshot.column) if len(place) > 1
     )

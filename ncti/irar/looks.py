@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ncti.checks import require, require_all
 from ncti.irar.flight import Flight
 
 Floats = NDArray[np.float64]
@@ -27,22 +26,20 @@ def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> 
     ascending row, then in their own order, then -1 up to the depth of the fullest pixel, at least
     1.
     """
-    require_all("rows", rows)
-    require("columns", columns, whole=True, minimum=1)
-    width, height = int(columns), len(rows)
+    height = len(rows)
     # Column of each sample, and the range of rows whose windows contain it.
-    place = np.searchsorted(np.arange(width + 1) - 0.5, column.ravel(), side="right") - 1
+    place = np.searchsorted(np.arange(columns + 1) - 0.5, column.ravel(), side="right") - 1
     # A sample belongs to windows first to last - 1, which have begun and not yet ended.
     first = np.searchsorted(rows + 0.5, row.ravel(), side="right")
     last = np.searchsorted(rows - 0.5, row.ravel(), side="right")
-    inside = (place >= 0) & (place < width) & (first < last)
+    inside = (place >= 0) & (place < columns) & (first < last)
     samples = np.flatnonzero(inside)
     samples = samples[np.lexsort((row.ravel()[samples], place[samples]))]
     # Sorted by column and row, a window's samples are contiguous: counts give where each begins.
     offset = place[samples] * (height + 1)
     begin, end = (
-        np.cumsum(np.bincount(offset + window[samples], minlength=width * (height + 1)))
-        .reshape(width, height + 1)[:, :height]
+        np.cumsum(np.bincount(offset + window[samples], minlength=columns * (height + 1)))
+        .reshape(columns, height + 1)[:, :height]
         .T
         for window in (last, first)
     )
@@ -58,10 +55,6 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     `values` (...) has one value per sample, and `index` is as of `gather_looks`.
     """
     flat = np.asarray(values, dtype=np.float64).ravel()
-    if index.max(initial=-1) >= flat.size:
-        raise ValueError(
-            f"index is {int(index.max())} at most, but must be below the {flat.size} values"
-        )
     return np.append(flat, math.nan)[index]  # -1 is the last
 
 
@@ -107,8 +100,6 @@ def histogram_cluster_average(ranges: Floats, *, window: float) -> Floats:
     omit a true look: without false ranges the error is 5 % above the mean's at 8 looks. A false
     range counts only if it falls beside true ones.
     """
-    if np.isinf(ranges).any():
-        raise ValueError("ranges holds an infinite value, but must be finite or NaN")
     ordered = np.sort(ranges, axis=-1).reshape(-1, ranges.shape[-1])  # NaN last
     mean = np.empty(len(ordered))
     for block in range(0, len(ordered), _BLOCK):

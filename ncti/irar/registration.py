@@ -137,12 +137,8 @@ def azimuth_shift(
     for name, craft in (("aircraft", aircraft), ("ship", ship)):
         require_instance(name, craft, Course)
     require("offset", offset)
-    for name, value in (
-        ("slant_range", slant_range),
-        ("ifov", ifov),
-        ("rate", rate),
-        ("scans", scans),
-    ):
+    positive = {"slant_range": slant_range, "ifov": ifov, "rate": rate, "scans": scans}
+    for name, value in positive.items():
         require(name, value, positive=True)
     theta = math.radians(offset)
     towards = math.radians(aircraft.heading + offset + 270.0 - ship.heading)

@@ -90,9 +90,9 @@ class Scan:
         attributes = parameters | {f"{name}_units": units[name] for name in parameters}
         infrared, sample = ("detector", *image), np.arange(flight.samples)
         arrays: dict[str, tuple[Any, ...]] = {
-            "intensity": (image, self.intensity, "1", "peak intensity over mean noise power"),
-            "range": (image, self.range, "m", "range of that peak"),
-            "infrared": (infrared, self.infrared, "K", "apparent temperature above the sea"),
+            "intensity": (image, self.intensity, "1", "intensity over noise power"),
+            "range": (image, self.range, "m", "range of the strongest return"),
+            "infrared": (infrared, self.infrared, "K", "temperature above the sea"),
             "time": (image, self.time, "s", "time after the beam crossed the ship's origin"),
             "line": ("line", lines, "1", "line, 0 the first after time 0"),
             "sample": ("sample", sample, "1", "sample of a line, from the left"),

@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require_all
 from ncti.irar.receiver import noise_probability
 
 _STEP = 1 / 32  # noise powers, of one look's distribution
@@ -39,7 +38,6 @@ def noise_threshold(
     except for dropouts: where few peaks are reported, the number of reports that make an alarm
     rises in steps.
     """
-    require_all("looks", looks, whole=True, minimum=1, maximum=100_000)
     if not looks.size:
         return np.empty(looks.shape)
     from scipy import fft

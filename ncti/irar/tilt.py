@@ -14,7 +14,6 @@ from ncti.irar.tilt_fit import START, fit_place
 if TYPE_CHECKING:
     from ncti.irar.seen import Looks, Truth
 
-MIN_REFINEMENT = 4  # cells of the truth along a pixel, at least
 _MARGIN = 8  # pixels of sea around the ship that are fitted
 _KNEE = 0.3  # share of the ship's brightness at which the first search saturates
 _MIN_SCATTER = 0.02  # share of the model: error of area averages over finite cells
@@ -40,8 +39,6 @@ class Tilt:
         Standard errors of the two [deg], from the fit's residuals and, if places are given, the
         footprints of the samples. For distortions other than a shear, or for tilts of much more
         than a few degrees, tilts and errors are wrong by degrees.
-    up, right : float
-        Displacement at the centre of the image [pixel].
 
     See Also
     --------
@@ -49,7 +46,7 @@ class Tilt:
 
     Examples
     --------
-    >>> Tilt(5.1, 0.0, 0.1, 0.01, up=0.0, right=0.0).mast
+    >>> Tilt(5.1, 0.0, 0.1, 0.01).mast
     5.1
     """
 
@@ -57,11 +54,9 @@ class Tilt:
     waterline: float
     mast_error: float
     waterline_error: float
-    up: float
-    right: float
 
 
-_NONE = Tilt(*[math.nan] * 6)
+_NONE = Tilt(*[math.nan] * 4)
 
 
 def tilts(
@@ -81,7 +76,7 @@ def tilts(
     truth : (row * k, column * k) or (channel, row * k, column * k) array_like
         The same view without noise, in any unit, each pixel resolved into k x k cells, k whole; NaN
         counts as 0. The error for an exactly sheared image falls with the cells: below 0.02 deg
-        with k = 8, 0.05 deg with k = 4, 0.4 deg with k = 1.
+        with k = 8, 0.05 deg with k = 4.
     places : (...) array_like and (...) array_like, optional
         Row and column of each sample that the image averages, from the middle of the first pixel
         [pixel]; NaN for a sample outside. Each cell of the truth must then show a sample's
@@ -91,7 +86,7 @@ def tilts(
     Returns
     -------
     Tilt
-        The two tilts, their standard errors, and the displacement.
+        The two tilts and their standard errors.
 
     Raises
     ------
@@ -169,12 +164,6 @@ def tilts(
         channel /= level
         ship /= truth_level
 
-    # Coarse cells are interpolated: slopes are taken between neighbouring cells.
-    refinement = -(-MIN_REFINEMENT // factor)
-    if refinement > 1:
-        cells = np.stack([_refine_rows(_refine_rows(c, refinement).T, refinement).T for c in cells])
-    factor *= refinement
-
     min_scatter, lean = (_MIN_SCATTER, 0.0) if places is None else (_SAMPLED_SCATTER, _SAMPLED_LEAN)
     if places is None:  # spread evenly over each pixel, one per cell
         row, column = ((np.arange(n * factor) + 0.5) / factor - 0.5 for n in (rows, columns))
@@ -228,10 +217,7 @@ def _tilt(place: Floats, covariance: Floats, footprints: tuple[float, float]) ->
         error = math.hypot(math.degrees(error), math.degrees(footprint))
         leans.append((math.degrees(math.atan(slope)), error))
     (mast, mast_error), (waterline, waterline_error) = leans
-    # The displacement belongs to the inverse map.
-    matrix = np.array([[place[4], place[3]], [place[2], place[5]]])
-    up, right = -np.linalg.solve(matrix, place[:2])
-    return Tilt(mast, waterline, mast_error, waterline_error, float(up), float(right))
+    return Tilt(mast, waterline, mast_error, waterline_error)
 
 
 def _ship_block(model: Floats) -> tuple[slice, slice]:
@@ -296,17 +282,6 @@ def _levels(observed: Floats, truth: Floats) -> tuple[float, float]:
         ordered = -np.sort(-intensity[rows], axis=1)
         medians.append(float(np.median(ordered[np.arange(rows.size), count[rows] // 2])))
     return medians[0], medians[1]
-
-
-def _refine_rows(cells: Floats, factor: int) -> Floats:
-    """Return rows of cells cut into finer ones by monotone interpolation that keeps their sums."""
-    from scipy.interpolate import PchipInterpolator
-
-    rows = cells.shape[0]
-    total = np.concatenate([np.zeros((1, cells.shape[1])), cells.cumsum(axis=0)])
-    edges = np.arange(rows * factor + 1) / factor
-    finer = np.diff(PchipInterpolator(np.arange(rows + 1), total, axis=0)(edges), axis=0) * factor
-    return np.maximum(finer, 0.0)
 
 
 def _checked_image(name: str, values: ArrayLike) -> Floats:

@@ -20,14 +20,9 @@ from ncti.simulate.subject import Ship, check_known, coordinates, generator, rea
 if TYPE_CHECKING:
     import xarray as xr
 
-DERIVED_FIELDS = {
-    "slant_range",
-    "ship_heading",
-    "cnr",
-}  # fields of a flight that have other arguments
+DERIVED_FIELDS = {"slant_range", "ship_heading", "cnr"}  # that have other arguments
 PARAMETERS = (frozenset(field.name for field in fields(Flight)) - DERIVED_FIELDS) | {"cnr_db"}
 AZIMUTHS = ("aircraft_heading", "offset")  # their sum is the azimuth of the line of sight
-INTENSITY, TEMPERATURE = "intensity over noise power", "temperature above the sea"  # of plots
 
 
 def flight(
@@ -124,20 +119,10 @@ def flight(
 
 
 def _raw_images(scan: Scan) -> xr.Dataset:
-    """Return the raw images with short labels, the passive detectors integrated into one image."""
+    """Return the raw images, the passive detectors integrated into one image."""
     images = scan.to_xarray()
     infrared = ("line", "sample"), time_delay_integrate(scan.infrared), images.infrared.attrs
-    images = images.drop_dims("detector").assign(infrared=infrared)
-    labels = {
-        "intensity": INTENSITY,
-        "infrared": TEMPERATURE,
-        "range": "range of the strongest return",
-        "line": "line",
-        "sample": "sample",
-    }
-    for name, label in labels.items():
-        images[name].attrs["long_name"] = label
-    return images
+    return images.drop_dims("detector").assign(infrared=infrared)
 
 
 def _corrected_images(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
@@ -145,13 +130,14 @@ def _corrected_images(snapshot: Snapshot, flight: Flight) -> xr.Dataset:
     import xarray as xr
 
     places = {"vertical": snapshot.row, "horizontal": snapshot.column}
-    image, ranges = tuple(places), snapshot.range - flight.slant_range
+    down_range = snapshot.range - flight.slant_range
+    images = {
+        "corrected_intensity": (snapshot.intensity, "1", "intensity over noise power"),
+        "corrected_range": (down_range, "m", "down-range"),
+        "corrected_infrared": (snapshot.infrared, "K", "temperature above the sea"),
+    }
     return xr.Dataset(
-        {
-            "corrected_intensity": labelled_array(image, snapshot.intensity, "1", INTENSITY),
-            "corrected_range": labelled_array(image, ranges, "m", "down-range"),
-            "corrected_infrared": labelled_array(image, snapshot.infrared, "K", TEMPERATURE),
-        },
+        {name: labelled_array(tuple(places), *image) for name, image in images.items()},
         coords={
             name: labelled_array(name, place * flight.pixel, "m", f"{name} cross-range")
             for name, place in places.items()

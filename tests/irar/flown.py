@@ -3,8 +3,7 @@
 import numpy as np
 import trimesh
 
-from ncti.irar import Flight, Pass, ship_heading
-from ncti.irar.scene import Returns, ScanPlan
+from ncti.irar import Flight, ship_heading
 
 CLEAN = 1e8
 """A carrier-to-noise ratio at which the noise is negligible."""
@@ -21,17 +20,6 @@ def pole_on_box(length, beam, height, pole):
     hull = trimesh.creation.box((length, beam, height)).apply_translation((0, 0, height / 2))
     mast = trimesh.creation.box((1.6, 1.6, pole)).apply_translation((0, 0, height + pole / 2))
     return trimesh.util.concatenate([hull, mast])
-
-
-def wall(lines, samples, **changes):
-    """Return a pass whose samples all hit a wall at the current range of the ship's origin."""
-    flown = flight(samples=samples, pulse_rate=1e6, **changes)
-    plan = ScanPlan(flown, 0, lines)
-    time = plan.time(np.arange(1 - flown.detectors, samples))
-    distance = np.linalg.norm(flown.position(time), axis=-1).ravel()
-    place, ray = np.divmod(np.arange(9 * distance.size), 9)
-    power = np.full(place.size, 1 / 9)
-    return Pass(plan, Returns(time.shape, place, ray, distance[place], power, 9))
 
 
 def seen_from(flown, point, time):

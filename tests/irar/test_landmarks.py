@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import erf
 
 from ncti import ships
 from ncti.irar import landmarks, profile_correlation
@@ -100,16 +99,6 @@ def test_peak_that_is_not_there_is_not_found():
     for peak in (marks.mast, marks.forward):
         assert math.isnan(peak.offset)
         assert (peak.height, peak.energy) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("true", "bound"), [(-41.5, 1e-6), (-41.0, 1e-6), (-41.3, 0.25), (-41.8, 0.25)]
-)
-def test_gaussian_peak_is_placed_by_its_centroid(true, bound):
-    """It is exact by symmetry on a bin or between two, else within a quarter of a bin."""
-    edges = np.append(CENTRES - 0.5, CENTRES[-1] + 0.5)
-    bins = np.diff(erf((edges - true) / (0.5 * math.sqrt(2))))
-    assert landmarks(bins, CENTRES).hangar == pytest.approx(true, abs=bound)
 
 
 # Relative to the hangar: metres, and shares of its height at bins with whole edges.

@@ -1,10 +1,8 @@
 """The article's correction chain leaves the mast leaning that our chain sets upright."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from flown import flight, pole_on_box, wall
+from flown import flight, pole_on_box
 
 from ncti import irar
 
@@ -48,9 +46,3 @@ def test_the_pulse_rate_shifts_nothing(leaning):
     )
     assert more == pytest.approx(drift, abs=8)
     assert likeness(pulses, truth) < likeness(lines, truth)
-
-
-def test_infinite_ranges_are_refused():
-    scan = wall(40, 30).noiseless()
-    with pytest.raises(ValueError, match="ranges holds an infinite value"):
-        irar.correct_as_printed(replace(scan, range=np.full((40, 30), np.inf)))

@@ -38,10 +38,9 @@ def test_a_plate_keeps_its_area_in_its_bin(spacing):
     assert (extent.fraction <= 1).all()
 
 
-@pytest.mark.parametrize("aspect", [175, 90, 30])
-def test_a_measured_profile_is_that_of_the_range_profiler(aspect):
+def test_a_measured_profile_is_that_of_the_range_profiler():
     mesh = ships.load("roberts")
-    flown = fly(mesh, flight(aspect=aspect, samples=300, pulse_rate=36e3))
+    flown = fly(mesh, flight(aspect=90, samples=300, pulse_rate=36e3))
     planned = flown.plan.flight
     scan = flown.record(np.random.default_rng(3))
     window = ship_window(mesh, planned)

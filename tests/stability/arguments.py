@@ -179,7 +179,6 @@ WRONG = {name: values for names, values in KINDS for name in names.split()} | {
     "known": [[True, False, True]],
     "margin": [0.5, -1, 10**6],
     "mask": [np.ones(4), np.ones((0, 4)), np.full((4, 4), 1.5)],
-    "mast": [(50.0, 40.0)],
     "mirror_angle": [0, 90, NAN],
     "mesh": [mesh(np.zeros((3, 3)), FACET), LINE, *map(broken, (NAN, INF, -INF))],
     "order": [np.zeros(0, int), [0, 3], [0, -1], [0.7, 1], [2, 0, 2], [[0, 1]]],
