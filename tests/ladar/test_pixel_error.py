@@ -1,13 +1,11 @@
 """The stated error of a range image bounds its true error, computed from fine lines."""
 
-import math
-
 import numpy as np
 import pytest
 import trimesh
 
 import ncti.ships
-from ncti.ladar import RangeExtent, range_extent
+from ncti.ladar import range_extent
 from ncti.ladar.sampling import pixel_error
 from ncti.render import RangeImage, line_image, range_image
 from studies.run_time.accuracy import extent_errors
@@ -108,28 +106,7 @@ def test_the_error_is_the_difference_of_quarters_from_the_whole():
     assert pixel_error(np.full((4, 3), 0.25), np.ones(3), 0.0, bin_width=1.0) == 0.0
 
 
-def test_nothing_in_sight_has_no_error():
-    image = range_image(trimesh.creation.box(), pixel=0.5, aspect=0, depression=0, engine="embree")
-    nothing = np.full_like(image.down_range, np.nan)
-    slopes = np.full_like(image.gradient, np.nan)
-    blank = RangeImage(nothing, slopes, 0.5, image.origin, 0.0, 0.0, 0.0)
-    assert math.isnan(extent(blank, 1e5).error_after(30e-9))
-
-
 def test_slopes_that_are_not_numbers_show_in_the_extent():
     image = range_image(trimesh.creation.box(), pixel=0.5, aspect=0, depression=0, engine="embree")
     image.gradient[image.hit] = np.nan
     assert np.isnan(extent(image, 1e5).fraction).any()
-
-
-def test_the_error_is_carried_by_mirrored_and_packed_extents():
-    name, aspect, depression, slant_range = VIEWS[0]
-    ship = ncti.ships.load(name)
-    image = range_image(ship, pixel=0.5, engine="embree", aspect=aspect, depression=depression)
-    pixelated = range_extent(image, slant_range=slant_range)
-    error = pixelated.error_after(30e-9)
-    assert 0.001 < error < 0.1 and pixelated.far_field_error > 0
-    assert pixelated.mirrored().error_after(30e-9) == pytest.approx(error, rel=1e-12)
-    packed = pixelated.packed()
-    assert packed["strands"].shape[1] == packed["fraction"].shape[1] < pixelated.strands.shape[1]
-    assert RangeExtent.unpacked(**packed).error_after(30e-9) == error

@@ -72,7 +72,7 @@ def test_a_pulse_too_short_for_the_bins_is_told(stepped):
 
 
 def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, monkeypatch):
-    """Compare the short cut with the plain computation: variances, and KS tests at level 1e-3."""
+    """Compare the short cut with the plain computation by KS tests at level 1e-3."""
     parameters = {"pulse_width": 30e-9, "cnr": CNR, "target_free_ifovs": 120}
     shortcut = ladar.sample_frames(
         stepped[1.0], frame_count=400, rng=np.random.default_rng(5), **parameters
@@ -82,11 +82,6 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
         stepped[1.0], frame_count=400, rng=np.random.default_rng(6), **parameters
     )
     assert parameters["target_free_ifovs"] >= GAUSSIAN_FROM
-    # 400 frames of some 10 independent bins without a ship: the mean variance is known to 2.3 %.
-    _, covariance = ladar.frame_moments(stepped[1.0], **parameters)
-    empty = slice(0, 40)
-    ratio = shortcut[:, empty].var(axis=0) / np.diagonal(covariance)[empty]
-    assert ratio.mean() == pytest.approx(1, abs=0.1)
     for bin_index in (0, 60, 85, 100):
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
 
@@ -94,13 +89,6 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
 def test_a_ratio_too_large_for_any_receiver_is_refused():
     with pytest.raises(ValueError, match=r"extinction is 0\.1 dB/m, but must be such .* 200 dB"):
         ladar.carrier_to_noise(50e3, extinction=0.1)
-
-
-def test_carrier_to_noise_of_a_filled_beam():
-    assert ladar.carrier_to_noise(1e5) == pytest.approx(10**3.2)
-    assert ladar.carrier_to_noise(50e3) == pytest.approx(4 * 10**3.2)
-    # 0.1 dB/km over 50 km less, two-way: 10 dB
-    assert ladar.carrier_to_noise(50e3, extinction=1e-4) == pytest.approx(40 * 10**3.2)
 
 
 @pytest.mark.parametrize("ship", ["duncan", "texas"])
