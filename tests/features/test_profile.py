@@ -11,18 +11,6 @@ from ncti.features import profile_vector
 values = st.floats(-1e6, 1e6, allow_nan=False)
 
 
-def bumps(bins=250):
-    r = np.arange(bins)
-    return 4000 + 300 * np.exp(-(((r - 110) / 8) ** 2)) + 120 * np.exp(-(((r - 160) / 5) ** 2))
-
-
-def test_floor_goes_and_the_peak_is_one():
-    vector = profile_vector(bumps())
-    assert vector.max() == 1
-    assert np.abs(vector[:20]).max() < 1e-9
-    np.testing.assert_allclose(vector, profile_vector(bumps(), floor=4000), atol=1e-9)
-
-
 def test_the_floor_is_the_mean_of_both_ends():
     ends = np.concatenate([np.full(50, 1.0), [9.0], np.full(50, 3.0)])
     assert profile_vector(ends)[[0, 50, -1]] == pytest.approx([-1 / 7, 1, 1 / 7])

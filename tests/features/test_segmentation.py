@@ -63,18 +63,6 @@ def image_of(mask, rng, *, contrast, target_sigma, sea_sigma):
 # Templates and degenerate images
 
 
-@pytest.mark.parametrize("method", SEGMENTATION_METHODS)
-def test_holes_are_filled_and_bays_are_not(method):
-    holed = ship()
-    holed[13:15, 20:24] = False  # a hole, though a corner of it touches nothing outside
-    holed[12:14, 40] = False  # a bay, open to the sea above
-    expected = ship()
-    expected[12:14, 40] = False
-    mask = segment(np.where(holed, 1.28, 0.0), method=method, **KNOWN)
-    assert mask.dtype == bool
-    np.testing.assert_array_equal(mask, expected)
-
-
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
 @given(image=images)

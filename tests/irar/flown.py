@@ -2,6 +2,7 @@
 
 import numpy as np
 import trimesh
+from hypothesis import strategies as st
 
 from ncti.irar import Flight, ship_heading
 
@@ -13,6 +14,25 @@ def flight(aspect=175.0, offset=5.0, slant_range=3900.0, **changes):
     """Return a flight with the study's geometry that sees the ship at an aspect."""
     heading = ship_heading(aspect=aspect, sight=offset + changes.get("aircraft_heading", 0.0))
     return Flight(slant_range=slant_range, ship_heading=heading, offset=offset, **changes)
+
+
+@st.composite
+def flights(draw):
+    """Draw passes of any heading, with leeway, that point up to 1 deg beside the ship."""
+    offset, heading = draw(st.floats(-20, 20)), draw(st.floats(-180, 180))
+    return flight(
+        aspect=draw(st.floats(0, 360)),
+        offset=offset,
+        slant_range=draw(st.floats(1500, 30_000)),
+        depression=draw(st.floats(2, 25)),
+        aircraft_speed=draw(st.floats(60, 250)),
+        ship_speed=draw(st.floats(0, 15)),
+        aircraft_heading=heading,
+        aircraft_track=draw(st.none() | st.floats(heading - 5, heading + 5)),
+        pointing=offset + draw(st.floats(-1, 1)),
+        mirror_angle=draw(st.floats(20, 60)),
+        samples=160,
+    )
 
 
 def pole_on_box(length, beam, height, pole):

@@ -1,32 +1,14 @@
 """Flights give correct positions, angles and rates, and refuse impossible geometry."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
-from flown import flight, scanned_at, seen_from
+from flown import flights, seen_from
 from hypothesis import given
-from hypothesis import strategies as st
 
 from ncti.irar import Flight
-
-angles = st.floats(-180, 180)
-POINTS = np.array([(60.0, 0, 0), (-60.0, 7, 3), (0.0, 0, 40), (0.0, -7, 0)])
-
-
-@st.composite
-def flights(draw):
-    """Draw passes of any headings that close on the ship."""
-    return flight(
-        aspect=draw(st.floats(0, 360)),
-        offset=draw(st.floats(-40, 40)),
-        slant_range=draw(st.floats(1e3, 1e5)),
-        depression=draw(st.floats(1, 40)),
-        aircraft_speed=draw(st.floats(60, 250)),
-        ship_speed=draw(st.floats(0, 18)),
-        aircraft_heading=draw(angles),
-    )
+from ncti.irar.registration import flight_shift, motion_displacement
 
 
 @given(flights())
@@ -44,7 +26,10 @@ def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
 
 @given(flights())
 def test_speeds_are_the_derivatives_of_what_is_seen(flown):
-    """Closing speed, drift and climb match central differences over 2 ms, to (v h / R)^2."""
+    """Closing speed, drift and climb match central differences over 2 ms, to (v h / R)^2.
+
+    The printed shift of a line is the drift in pixels, and the method `constant` takes it.
+    """
     step = 1e-3
     before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
 
@@ -61,18 +46,11 @@ def test_speeds_are_the_derivatives_of_what_is_seen(flown):
     assert flown.closing_speed == pytest.approx(closing, abs=1e-9 * size)
     assert flown.drift == pytest.approx(drift, abs=1e-9 * size)
     assert flown.climb == pytest.approx(climb, abs=1e-5 * size)
-
-
-@given(flights(), st.floats(-8, 8), st.floats(10, 70), st.floats(-3, 3))
-def test_angles_to_points_are_those_of_the_scanner(flown, time, mirror_angle, aside):
-    """Compare with axes turned by hand in extended precision, and map back to the same points."""
-    flown = dataclasses.replace(flown, mirror_angle=mirror_angle, pointing=flown.offset + aside)
-    along, across = flown.angles_to(POINTS, np.array(time))
-    expected = scanned_at(flown, POINTS, time).astype(float)
-    np.testing.assert_allclose(np.stack([along, across], axis=-1), expected, rtol=0, atol=1e-12)
-    away = POINTS - flown.position(np.array(time))
-    away /= np.linalg.norm(away, axis=-1, keepdims=True)
-    np.testing.assert_allclose(flown.directions(along, across), away, rtol=0, atol=1e-13)
+    shift = flight_shift(flown, flown.slant_range, rate=flown.line_rate)
+    assert shift * flown.pixel * flown.line_rate == pytest.approx(drift, abs=1e-5 * size)
+    time = np.full((1, flown.samples), 2.0)
+    column = motion_displacement(flown, time, time, method="constant")[1]
+    np.testing.assert_allclose(column * flown.pixel, -2 * drift, atol=2e-5 * size)
 
 
 @pytest.mark.parametrize(

@@ -4,35 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from flown import crossing, flight, scanned_at, seen_from
+from flown import crossing, flight, flights, scanned_at, seen_from
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ncti.irar import Course, azimuth_shift, mirror_rotation, registration
+from ncti.irar import mirror_rotation, registration
 
 SAMPLES = 160
 HEIGHTS = np.linspace(6.0, 36.0, 31)
 POLE = np.stack([0 * HEIGHTS, 0 * HEIGHTS, HEIGHTS], axis=-1)
 ABEAM = np.linspace(-55.0, 55.0, 23)
-
-
-@st.composite
-def flights(draw):
-    """Draw passes of any heading, with leeway, that point up to 1 deg beside the ship."""
-    offset, heading = draw(st.floats(-20, 20)), draw(st.floats(-180, 180))
-    return flight(
-        aspect=draw(st.floats(0, 360)),
-        offset=offset,
-        slant_range=draw(st.floats(1500, 30_000)),
-        depression=draw(st.floats(2, 25)),
-        aircraft_speed=draw(st.floats(60, 250)),
-        ship_speed=draw(st.floats(0, 15)),
-        aircraft_heading=heading,
-        aircraft_track=draw(st.none() | st.floats(heading - 5, heading + 5)),
-        pointing=offset + draw(st.floats(-1, 1)),
-        mirror_angle=draw(st.floats(20, 60)),
-        samples=SAMPLES,
-    )
 
 
 def level(flown):
@@ -121,37 +102,6 @@ def test_points_land_where_the_snapshot_sees_them(flown, seed):
     np.testing.assert_allclose(along, angles[known], atol=1e-12)
     for computed, expected in zip(places, true_places(flown, points), strict=True):
         np.testing.assert_allclose(computed[known], expected, rtol=0, atol=1e-6)
-
-
-@given(flights())
-def test_one_shift_is_the_derivative_of_the_exact_one(flown):
-    """Compare with central differences over 2 ms of the ship's origin in extended precision.
-
-    With the line rate the equation gives the shift per scan; method `constant` uses it.
-    """
-    step = 1e-3
-    before, after = (seen_from(flown, np.zeros(3), t) for t in (-step, step))
-    moved = (after[0] / after[2] - before[0] / before[2]) / flown.ifov / (2 * step)
-    shift_of_a_scan = float(moved) / flown.line_rate
-    courses = (
-        Course(flown.aircraft_speed, flown.track),
-        Course(flown.ship_speed, flown.ship_heading),
-    )
-    geometry = {name: getattr(flown, name) for name in ("slant_range", "ifov")}
-    geometry["offset"] = flown.sight - flown.track
-    shift = azimuth_shift(*courses, **geometry, rate=flown.line_rate)
-    scale = (flown.aircraft_speed + flown.ship_speed) / (flown.pixel * flown.line_rate)
-    assert shift == pytest.approx(shift_of_a_scan, abs=1e-5 * scale)
-    rows = azimuth_shift(*courses, **geometry, rate=flown.line_rate, scans=flown.lines_per_pixel)
-    assert rows == pytest.approx(shift * flown.lines_per_pixel)
-    # With the pulse rate of the scan it is smaller by a factor of the samples in a line.
-    pulses = azimuth_shift(*courses, **geometry, rate=flown.line_rate * flown.samples)
-    assert pulses * flown.samples == pytest.approx(shift)
-    time = np.full((1, SAMPLES), 2.0)
-    column = registration.motion_displacement(flown, time, time, method="constant")[1]
-    # offset is heading and offset less track there, rounded: 360 deg times eps, of the speeds
-    rounding = 1e-12 * scale * flown.line_rate * 2.0
-    np.testing.assert_allclose(column, -shift * flown.line_rate * 2.0, atol=rounding)
 
 
 @pytest.mark.parametrize("offset", [5.0, -5.0])

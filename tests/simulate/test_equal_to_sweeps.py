@@ -1,16 +1,17 @@
 """Simulations equal the results of a sweep with the same settings, including the noise."""
 
-import inspect
-
 import numpy as np
 import pytest
 from commands import chosen, opened, swept
 
 from ncti import simulate
+from ncti.infrared import IFOV
 from ncti.ladar import noise_floor
+from ncti.ladar.beam import Beam, Signal
+from ncti.render.flight import DEPRESSION
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages.infrared import Infrared
-from sweeps.stages.irar import FLOWN, RECORDED, Irar, Passive
+from sweeps.stages.irar import FLOWN, RECORDED, Passive
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Grid, Scene
 
@@ -140,25 +141,13 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
 
 def test_defaults_are_those_of_sweeps():
     """Defaults agree after conversion to the units of the configuration."""
-    profile, image, flight = (
-        {
-            name: parameter.default
-            for name, parameter in inspect.signature(function).parameters.items()
-        }
-        for function in (simulate.range_profile, simulate.infrared_image, simulate.flight)
-    )
-    same = [
-        (profile["depression"], Scene.depression, 1),
-        (profile["pulse_width"], Grid.pulse_width, 1e9),
-        (profile["slant_range"], Grid.range, 1e-3),
-        (profile["ifov"], Ladar.ifov, 1e6),
-        (profile["bin_width"], Ladar.bin_width, 1),
-        (profile["window"], Ladar.window, 1),
-        (profile["target_free_ifovs"], Ladar.target_free_ifovs, 1),
-        (image["depression"], Scene.depression, 1),
-        (image["ifov"], Infrared.ifov, 1e6),
-        (flight["slant_range"], Irar.range, 1e-3),
-    ]
-    for value, setting, unit in same:
+    for value, setting, unit in (
+        (Beam.ifov, Ladar.ifov, 1e6),
+        (Beam.bin_width, Ladar.bin_width, 1),
+        (Beam.window, Ladar.window, 1),
+        (Signal.target_free_ifovs, Ladar.target_free_ifovs, 1),
+        (Signal.pulse_width, Grid.pulse_width, 1e9),
+        (DEPRESSION, Scene.depression, 1),
+        (IFOV, Infrared.ifov, 1e6),
+    ):
         assert value * unit == pytest.approx(setting.default), setting.key
-    assert Scene.geometry.default == "fixed"
