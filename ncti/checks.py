@@ -14,7 +14,7 @@ UNITS = {
     name: unit
     for unit, names in {
         "m": "slant_range reference_range bin_width window footprint altitude middle_range "
-        "earth_radius pulse_length spacing",
+        "earth_radius pulse_length spacing reach",
         "m^2": "area",
         "s": "pulse_width slew_time",
         "m/s": "speed",
