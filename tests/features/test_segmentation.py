@@ -74,16 +74,6 @@ def test_any_image_gives_one_region_without_holes(method, image):
     np.testing.assert_array_equal(ndimage.binary_fill_holes(mask), mask)
 
 
-@pytest.mark.parametrize("method", ["otsu", "li", "isodata"])
-@given(gain=st.floats(1e-3, 1e3), offset=st.floats(-1e3, 1e3))
-def test_thresholds_know_neither_gain_nor_offset(method, gain, offset):
-    rng = np.random.default_rng(2)
-    image = image_of(ship(), rng, **KNOWN)
-    np.testing.assert_array_equal(
-        segment(gain * image + offset, method=method), segment(image, method=method)
-    )
-
-
 @given(arrays(bool, array_shapes(min_dims=3, max_dims=3, max_side=9)))
 def test_without_noise_a_threshold_keeps_the_largest_region(targets):
     """This needs some sea in the image, as a constant image has no region."""

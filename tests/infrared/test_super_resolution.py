@@ -1,4 +1,4 @@
-"""Super-resolved images differ from the true scene by the documented errors."""
+"""Shift-and-add agrees with its definition, and its images differ by the documented errors."""
 
 import re
 
@@ -89,3 +89,57 @@ def test_errors_by_drawing_are_the_expected_ones(way):
     expected = expected_square_error(fine, coarse, way, warmth=warmth, noise=noise)
     z = (np.mean(squares) - expected) / (np.std(squares) / np.sqrt(300))
     assert abs(z) < stats.norm.isf(LEVEL / 2 / len(WAYS))
+
+
+@pytest.mark.parametrize("dy", [0, 1])
+@pytest.mark.parametrize("dx", [0, 1])
+def test_samples_are_four_detector_images_interlaced(dx, dy):
+    """Each detector position equals plain averaging of 2 x 2 blocks, for stacks too."""
+    fine = np.random.default_rng(0).standard_normal((3, 9, 12))
+    moved = fine[:, dy:, dx:]
+    rows, cols = moved.shape[1] // 2, moved.shape[2] // 2
+    blocks = moved[:, : 2 * rows, : 2 * cols].reshape(3, rows, 2, cols, 2).mean(axis=(2, 4))
+    np.testing.assert_allclose(
+        super_resolution.detector_samples(fine)[:, dy::2, dx::2], blocks, rtol=1e-13, atol=1e-15
+    )
+
+
+def test_shift_and_add_is_the_mean_of_four_samples():
+    samples = np.random.default_rng(4).standard_normal((6, 7))
+    by_hand = np.zeros((5, 6))
+    for row, col in np.ndindex(by_hand.shape):
+        by_hand[row, col] = samples[row : row + 2, col : col + 2].mean()
+    np.testing.assert_allclose(super_resolution.shift_and_add(samples), by_hand, atol=1e-15)
+
+
+def test_gains_are_the_norms_of_the_responses():
+    """They are of one sample and one half pixel, which has twice the spread of a pixel."""
+    impulse = np.zeros((9, 9))
+    impulse[4, 4] = 1.0
+    assert np.linalg.norm(super_resolution.shift_and_add(impulse)) == pytest.approx(
+        super_resolution.NOISE_GAIN, rel=1e-15
+    )
+    response = super_resolution.shift_and_add(super_resolution.detector_samples(impulse))
+    assert 2 * np.linalg.norm(response) == pytest.approx(super_resolution.SCENE_GAIN, rel=1e-15)
+
+
+def test_the_scene_is_that_of_the_perfect_image():
+    """Without noise the shifted image is the perfect image seen by the detector.
+
+    Half pixels have twice the spread, of which a detector pixel keeps half.
+    """
+    fine, _ = template()
+    parameters = {"contrast": 0.7, "frame_counts": (4, 16), "nedt": 0.0}
+    perfect = infrared.thermal_images(
+        fine, rng=np.random.default_rng(9), target_spread=0.1, sea_spread=0.3, **parameters
+    )
+    shifted = infrared.shifted_images(
+        fine,
+        rng=np.random.default_rng(9),
+        target_spread=0.05,
+        sea_spread=0.15,
+        **parameters,
+    )
+    detected = super_resolution.shift_and_add(super_resolution.detector_samples(perfect))
+    np.testing.assert_array_equal(shifted[:, 1:-1, 1:-1], detected)
+    assert shifted.shape == perfect.shape
