@@ -17,10 +17,9 @@ UNITS = {
         "earth_radius pulse_length spacing reach",
         "m^2": "area",
         "s": "pulse_width slew_time",
-        "m/s": "speed",
         "Hz": "frame_rate pulse_rate",
         "rad": "ifov",
-        "deg": "aspect mirror_angle roll aircraft_heading heading ship_heading tracked",
+        "deg": "aspect mirror_angle roll aircraft_heading ship_heading tracked",
         "dB": "decibels cnr_db",
         "dB/m": "extinction",
         "K": "contrast contrasts contrast_at_zero nedt deviation sea_sigma sea_spread "

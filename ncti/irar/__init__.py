@@ -8,7 +8,7 @@ from ncti.irar.landmarks import Landmarks, Peak, landmarks, profile_correlation
 from ncti.irar.materials import reflectivity
 from ncti.irar.mirror import mirror_rotation
 from ncti.irar.printed import correct_as_printed
-from ncti.irar.registration import Course, azimuth_shift
+from ncti.irar.registration import azimuth_shift
 from ncti.irar.scan import Pass, Scan, fly
 from ncti.irar.signature import measured_extent
 from ncti.irar.snapshot import ShipPixels, Snapshot, Window, ship_window, true_snapshot
@@ -18,7 +18,6 @@ from ncti.irar.time_delay import time_delay_integrate
 __all__ = [
     "Chain",
     "Correction",
-    "Course",
     "Flight",
     "Landmarks",
     "Pass",

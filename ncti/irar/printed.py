@@ -11,7 +11,7 @@ from ncti.checks import require_word
 from ncti.irar.flight import Flight
 from ncti.irar.looks import average, cluster_width, gather_looks, histogram_cluster_average
 from ncti.irar.mirror import mirror_rotation
-from ncti.irar.registration import approach_rate, flight_shift, rotate
+from ncti.irar.registration import approach_rate, azimuth_shift, rotate
 from ncti.irar.scan import Scan
 from ncti.irar.snapshot import Snapshot, Window, centres, window_of
 from ncti.irar.time_delay import time_delay_integrate
@@ -123,7 +123,7 @@ def _places(flight: Flight, time: Floats, scans: int, rate: str) -> tuple[Floats
     """Return rows and columns of averaged pixels after shift and rotation, (row, sample)."""
     frequency = flight.line_rate if rate == "line" else flight.pulse_rate
     ranges = (flight.slant_range - approach_rate(flight) * time).tolist()
-    shifts = [flight_shift(flight, reach, rate=frequency, scans=scans) for reach in ranges]
+    shifts = [azimuth_shift(flight, reach, rate=frequency, scans=scans) for reach in ranges]
     # Sum of the shifts up to each row, zero in the row of the ship's origin.
     total_shift = np.cumsum(shifts)
     total_shift -= np.interp(0.0, time, total_shift)

@@ -9,12 +9,11 @@ origin, upwards and to the right.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ncti.checks import require, require_instance
+from ncti.checks import require
 from ncti.irar.flight import Flight
 from ncti.irar.mirror import mirror_rotation
 
@@ -23,63 +22,17 @@ Floats = NDArray[np.float64]
 MOTION_METHODS = ("pixel", "line", "constant")
 
 
-@dataclass(frozen=True)
-class Course:
-    """Speed and heading of a craft over the sea.
-
-    Attributes
-    ----------
-    speed : float
-        Speed [m/s].
-    heading : float
-        Direction of the motion, clockwise from north [deg].
-
-    Raises
-    ------
-    ValueError
-        If the speed is negative, or the heading not finite.
-
-    See Also
-    --------
-    azimuth_shift : Shift of an image by two of them.
-
-    Examples
-    --------
-    >>> from ncti.irar import Course
-    >>> Course(speed=90.0, heading=5.0)
-    Course(speed=90.0, heading=5.0)
-    """
-
-    speed: float
-    heading: float
-
-    def __post_init__(self) -> None:
-        require("speed", self.speed, minimum=0)
-        require("heading", self.heading)
-
-
-def azimuth_shift(
-    aircraft: Course,
-    ship: Course,
-    *,
-    offset: float,
-    slant_range: float,
-    ifov: float,
-    rate: float,
-    scans: float = 1.0,
-) -> float:
+def azimuth_shift(flight: Flight, slant_range: float, *, rate: float, scans: float = 1.0) -> float:
     """Return the shift of the ship's image across the scan, in pixels per scan or per row.
 
     Parameters
     ----------
-    aircraft, ship : Course
-        Speeds V_a and V_s, and headings beta_a and beta_s.
-    offset : float
-        Azimuth of the line of sight from the aircraft's heading, theta [deg].
+    flight : Flight
+        Speeds V_a and V_s, headings beta_a and beta_s, the azimuth theta of the line of sight from
+        the aircraft's heading, and the instantaneous field of view phi. The aircraft's heading is
+        the direction of its motion.
     slant_range : float
         Slant range R [m].
-    ifov : float
-        Instantaneous field of view phi [rad].
     rate : float
         Rate f [Hz].
     scans : float
@@ -93,7 +46,7 @@ def azimuth_shift(
     Raises
     ------
     ValueError
-        If a course is none, the offset not finite, or range, IFOV, rate or scans not positive.
+        If range, rate or scans are not positive.
 
     See Also
     --------
@@ -121,48 +74,23 @@ def azimuth_shift(
     --------
     Per row of ten lines at 3.9 km, 5 deg off a ship that sails straight away:
 
-    >>> from ncti.irar import Course, azimuth_shift
-    >>> shift = azimuth_shift(
-    ...     Course(90.0, heading=0.0),
-    ...     Course(8.0, heading=0.0),
-    ...     offset=5.0,
-    ...     slant_range=3.9e3,
-    ...     ifov=205e-6,
-    ...     rate=119.0,
-    ...     scans=10,
-    ... )
+    >>> flight = Flight(slant_range=3.9e3, ship_heading=0.0, offset=5.0)
+    >>> shift = azimuth_shift(flight, 3.9e3, rate=flight.line_rate, scans=10)
     >>> print(f"{shift:.2f} pixels")
     0.75 pixels
     """
-    for name, craft in (("aircraft", aircraft), ("ship", ship)):
-        require_instance(name, craft, Course)
-    require("offset", offset)
-    positive = {"slant_range": slant_range, "ifov": ifov, "rate": rate, "scans": scans}
-    for name, value in positive.items():
+    for name, value in {"slant_range": slant_range, "rate": rate, "scans": scans}.items():
         require(name, value, positive=True)
+    offset = flight.sight - flight.track
     theta = math.radians(offset)
-    towards = math.radians(aircraft.heading + offset + 270.0 - ship.heading)
-    bracket = aircraft.speed * math.sin(theta) - ship.speed * math.cos(towards)
-    return scans * bracket / (slant_range * ifov * rate)
+    towards = math.radians(flight.track + offset + 270.0 - flight.ship_heading)
+    bracket = flight.aircraft_speed * math.sin(theta) - flight.ship_speed * math.cos(towards)
+    return scans * bracket / (slant_range * flight.ifov * rate)
 
 
 def approach_rate(flight: Flight) -> float:
     """Return the rate at which the slant range decreases in the snapshot [m/s]."""
     return flight.closing_speed * math.cos(math.radians(flight.depression))
-
-
-def flight_shift(flight: Flight, slant_range: float, *, rate: float, scans: float = 1.0) -> float:
-    """Return the `azimuth_shift` of a flight at a slant range [m]."""
-    return azimuth_shift(
-        # The equation assumes that the aircraft moves along its heading.
-        Course(flight.aircraft_speed, flight.track),
-        Course(flight.ship_speed, flight.ship_heading),
-        offset=flight.sight - flight.track,
-        slant_range=slant_range,
-        ifov=flight.ifov,
-        rate=rate,
-        scans=scans,
-    )
 
 
 def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Floats, Floats, Floats]:
@@ -240,7 +168,7 @@ def motion_displacement(
     """
     if method == "constant":
         row = flight.climb * time / flight.pixel
-        shift = flight.line_rate * flight_shift(flight, flight.slant_range, rate=flight.line_rate)
+        shift = flight.line_rate * azimuth_shift(flight, flight.slant_range, rate=flight.line_rate)
         return row, -shift * time, approach_rate(flight) * time
     # By the true geometry: of the ship's origin (`line`), or of each sample (`pixel`).
     position = flight.position(time)

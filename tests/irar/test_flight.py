@@ -8,7 +8,7 @@ from flown import flights, seen_from
 from hypothesis import given
 
 from ncti.irar import Flight
-from ncti.irar.registration import flight_shift, motion_displacement
+from ncti.irar.registration import azimuth_shift, motion_displacement
 
 
 @given(flights())
@@ -46,7 +46,7 @@ def test_speeds_are_the_derivatives_of_what_is_seen(flown):
     assert flown.closing_speed == pytest.approx(closing, abs=1e-9 * size)
     assert flown.drift == pytest.approx(drift, abs=1e-9 * size)
     assert flown.climb == pytest.approx(climb, abs=1e-5 * size)
-    shift = flight_shift(flown, flown.slant_range, rate=flown.line_rate)
+    shift = azimuth_shift(flown, flown.slant_range, rate=flown.line_rate)
     assert shift * flown.pixel * flown.line_rate == pytest.approx(drift, abs=1e-5 * size)
     time = np.full((1, flown.samples), 2.0)
     column = motion_displacement(flown, time, time, method="constant")[1]

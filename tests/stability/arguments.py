@@ -9,7 +9,7 @@ from hard_meshes import box, mesh
 
 import ncti
 from ncti import classify
-from ncti.irar import Course
+from ncti.irar import Flight
 from ncti.ladar import range_extent
 from ncti.render import range_image
 
@@ -22,10 +22,7 @@ PIECES = {"training": np.eye(3), "tests": np.eye(3)}
 SIMILARITIES = classify.Similarities.of(**PIECES)
 SIGNAL = {"extent": EXTENT, "pulse_width": 30e-9, "cnr": 1e3, "target_free_ifovs": 0}
 VIEW = {"mesh": BOX, "aspect": 37.0, "depression": 3.84}
-SHIFT = {
-    **{"aircraft": Course(90.0, heading=0.0), "ship": Course(8.0, heading=0.0)},
-    **{"offset": 5.0, "slant_range": 3900.0, "ifov": 205e-6, "rate": 119.0},
-}
+FLIGHT = {"slant_range": 3900.0, "ship_heading": 0.0}
 FACET = [[0, 1, 2]]
 LINE = mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], FACET)
 ROWS = np.eye(4), ["duncan"] * 4, [0, 0, 1, 1]  # vectors, classes and views
@@ -97,9 +94,8 @@ GOOD = {
         **{"correct": [True, False], "aspects": [0.0, 3.0], "groups": [0, 1]},
     },
     "irar.Correction": {},
-    "irar.Flight": {"slant_range": 3900.0, "ship_heading": 0.0},
-    "irar.azimuth_shift": SHIFT,
-    "irar.Course": {"speed": 90.0, "heading": 0.0},
+    "irar.Flight": FLIGHT,
+    "irar.azimuth_shift": {"flight": Flight(**FLIGHT), "slant_range": 3900.0, "rate": 119.0},
     "irar.mirror_rotation": {"depression": 6.7},
     "irar.landmarks": {"profile": np.eye(9)[4], "down_range": np.arange(9.0)},
     "irar.profile_correlation": {"first": np.arange(5.0), "second": np.arange(5.0)},
