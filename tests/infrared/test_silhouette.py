@@ -21,7 +21,7 @@ phases = st.tuples(*[st.floats(0, 1, exclude_max=True)] * 2)
     footprint=st.floats(0.5, 60),
     phase=phases,
     cells=st.integers(1, 4),
-    margin=st.integers(0, 4),
+    margin=st.integers(0, 1),
     slack=st.none() | st.floats(0, 50),
 )
 def test_every_point_counts_where_it_is(points, footprint, phase, cells, margin, slack):

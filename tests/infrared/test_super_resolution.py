@@ -121,6 +121,8 @@ def test_gains_are_the_norms_of_the_responses():
     )
     response = super_resolution.shift_and_add(super_resolution.detector_samples(impulse))
     assert 2 * np.linalg.norm(response) == pytest.approx(super_resolution.SCENE_GAIN, rel=1e-15)
+    sigma = infrared.pixel_sigma(0.1, frame_count=16, nedt=0.0, super_resolution="shifted")
+    assert sigma == pytest.approx(0.1 * super_resolution.SCENE_GAIN)
 
 
 def test_the_scene_is_that_of_the_perfect_image():
