@@ -184,10 +184,8 @@ def double(a):
 """
 
 
-@pytest.mark.parametrize("way", ["-c", "stdin"])
-def test_workers_of_a_word_and_a_prompt(tmp_path, way):
-    code = DOUBLE.format(guard="if __name__ == '__main__':")
-    ran = begun(["-c", code] if way == "-c" else ["-"], tmp_path, code)
+def test_workers_of_a_prompt(tmp_path):
+    ran = begun(["-"], tmp_path, DOUBLE.format(guard="if __name__ == '__main__':"))
     assert (ran.stdout, ran.stderr, ran.returncode) == ("[2.0, 4.0]\n", "", 0)
 
 
