@@ -156,16 +156,16 @@ def test_tree_opens_with_coordinates_and_tables(tmp_path):
     xr.testing.assert_identical(results.drop_vars("ship"), table.drop_vars("ship"))
 
 
-@pytest.mark.parametrize(
-    ("values", "dtype"),
-    [
-        (np.zeros(SHAPE), "datetime64[s]"),
-        (COUNTS, "O"),  # objects that are not texts
-        (COUNTS.astype(str), "U"),  # a dtype without a width
-    ],
-)
-def test_values_that_do_not_fit_are_refused(tmp_path, values, dtype):
-    refused = Array(DIMS, SHAPE, np.dtype(dtype), {}, lambda region: values, SHAPE)
+UNFIT = {
+    "datetime64[s]": np.zeros(SHAPE),
+    "O": COUNTS,  # objects that are not texts
+    "U": COUNTS.astype(str),  # a dtype without a width
+}
+
+
+@pytest.mark.parametrize("dtype", UNFIT)
+def test_values_that_do_not_fit_are_refused(tmp_path, dtype):
+    refused = Array(DIMS, SHAPE, np.dtype(dtype), {}, lambda region: UNFIT[dtype], SHAPE)
     with pytest.raises(TypeError):
         write_store(tmp_path / "s.zarr", {"g": ArrayGroup({"x": refused})}, {})
     assert not list(tmp_path.iterdir())

@@ -75,7 +75,10 @@ class Right(Settings, key="right"):
 
 
 def test_settings_of_equal_names_draw_independent_noise():
-    """This holds for settings named like each other, like `stage` or like `seed`."""
+    """This holds for settings named like each other, like `stage` or like `seed`.
+
+    Each has cells of its own, though only the stream names it.
+    """
     settings = (Left.gain, Right.gain, Left.stage, Left.seed)
     drawn = stage(Output("y"), stream=Stream(settings), group=Group("drawn"))(lambda rng: 0.0)
     experiment = Experiment("few", "Few", (Left, Right, replace(drawn, name="drawn")))
@@ -85,19 +88,6 @@ def test_settings_of_equal_names_draw_independent_noise():
     assert len(streams) == 16 == len({repr(stream) for stream in streams})
     draws = {cell_rng(seed, **name).random() for seed, name in streams}
     assert len(draws) == 16 == len({key.tobytes() for key in plan.keys(bound)})
-
-
-def test_a_setting_that_a_stream_alone_names_makes_cells():
-    """Two draws for each of two masses have own keys, though the function takes no draw number."""
-    stream = Stream((Spring.mass,), optional=(Measured.draw,))
-    drawn = stage(Output("drawn"), group=Group("drawn"), stream=stream, uses=(Spring,))(normal)
-    springs = having(SPRINGS, (drawn,), ())
-    plan = Plan(springs, read_choices(SPRINGS.declared, {}))
-    assert len({plan.key(plan.bound["normal"], cell) for cell in range(4)}) == 4
-
-
-def normal(mass, rng):
-    return mass * rng.normal()
 
 
 DRAWING = {"noisy", "trace", "answers"}  # stages that take `rng`, or results of such a stage
