@@ -25,7 +25,7 @@ from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, VIEW, Indices, Integers, Mask, read_in_blocks
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
-from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles
+from sweeps.stages.views import INFRARED, Arrays, Floats, Grid, Profiles
 
 NAME = "acn"
 
@@ -303,11 +303,7 @@ silhouette_order = replace(profile_order, name="silhouette_order", uses=(Infrare
 
 
 TRAINING_DIMS = ("order", "learning_rate", "vigilance", "label_rule", "score_rule", "learn_in_test")
-OF_RANGE = classifier.ClassifierGroup.of_classifier(
-    NAME,
-    classifier.classifies_with(NAME, RANGE),
-    (*classifier.OF_PROFILES, *TRAINING_DIMS, *classifier.TESTED),
-)
+OF_RANGE = classifier.of_profiles(NAME, *TRAINING_DIMS)
 OF_INFRARED = classifier.ClassifierGroup.of_classifier(
     "acn_infrared",
     classifier.classifies_with(NAME, INFRARED),
@@ -365,8 +361,6 @@ acn_infrared = replace(
     along=(Infrared.orders, Infrared.vigilance, Infrared.frame_count),
     **SILHOUETTES,
 )
-
-
 STAGES = (
     profile_training_set,
     silhouette_training_set,

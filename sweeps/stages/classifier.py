@@ -532,8 +532,6 @@ def of_profiles(name: str, *extra_dims: str) -> ClassifierGroup:
 
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))
 
-WORDS = {Classifier.name: "NAME"}
-
 
 STAGES = (
     test_aspects,

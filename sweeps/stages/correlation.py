@@ -125,7 +125,7 @@ def match_views(
     return classifier.mark_answers(predicted, valid) | {"similarity": similarity}
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse training on the test noise, and leaving all aspects out."""
     if ANSWERS.when(choices):
         replicates = len(choices[Grid.replicate])
@@ -133,7 +133,6 @@ def check(choices: Choices) -> Choices:
             learned = "classifier.training has noisy: what is learned must not be what is tested"
             refuse(Grid.replicate, replicates, f"at least 2 where {learned}")
         classifier.check_left_out(choices)
-    return choices
 
 
 STAGES = (

@@ -7,16 +7,14 @@ the rows that `ncti.dataset` returns for the same seed and numbers.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ncti import ladar
 from ncti.data import dataset
 from ncti.data.rows import RADAR_COORDINATES, ROWS, VARIABLES
 from ncti.data.views import SENSOR_SETS
-from ncti.features.map_vector import map_cells
 from ncti.infrared import SUPER_RESOLUTIONS
 from ncti.infrared.loops import IMAGES
 from ncti.ladar.loops import FRAMES
@@ -33,10 +31,10 @@ from sweeps.engine.declare.settings import (
     vector,
     word,
 )
-from sweeps.engine.declare.stage import Condition, Group, Output, coordinate
+from sweeps.engine.declare.stage import Condition, Group, Output
 from sweeps.stages import views
-from sweeps.stages.infrared import Infrared
-from sweeps.stages.ladar import Ladar, check_profiles
+from sweeps.stages.infrared import Infrared, map_cells
+from sweeps.stages.ladar import Ladar, check_profiles, profile_bins
 from sweeps.stages.meshes import MeshSource, read_mesh
 from sweeps.stages.refusals import require
 from sweeps.stages.views import Arrays, Grid, Render, Scene, quantity, uses_sensor
@@ -138,42 +136,15 @@ def _declare_parameters(names: Iterable[str]) -> list[Output]:
     return outputs
 
 
-@PROFILES.stage(
-    *_declare_parameters(ROWS),
-    Output("profile", ("place", "down_range"), label=VARIABLES["profile"][1]),
-    reads=RADAR_INPUTS,
-    gather=(Grid.ship, Grid.range, Grid.frame_count, Grid.pulse_width),
-)
-def profile_rows(
-    mesh_sources: tuple[MeshSource, ...], ship: tuple[str, ...], **inputs: Any
-) -> Arrays:
-    """Return a piece of rows of the laser radar."""
-    return make_rows(mesh_sources, ship, "range", **inputs)
-
-
-@SILHOUETTES.stage(
-    *_declare_parameters(name for name in ROWS if name not in RADAR_COORDINATES),
-    Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
-    reads=IMAGER_INPUTS,
-    gather=(Grid.ship, Grid.range, Grid.frame_count),
-)
-def silhouette_rows(
-    mesh_sources: tuple[MeshSource, ...], ship: tuple[str, ...], **inputs: Any
-) -> Arrays:
-    """Return a piece of rows of the imager."""
-    return make_rows(mesh_sources, ship, "infrared", **inputs)
-
-
 def make_rows(
     mesh_sources: tuple[MeshSource, ...],
     ship: tuple[str, ...],
-    sensor: str,
-    *,
     piece: int,
     count: int,
     **inputs: Any,
 ) -> Arrays:
     """Return the arrays of the rows of a piece, as `ncti.dataset` makes them."""
+    sensor = "infrared" if "imager" in inputs else "range"
     drawn = {name: list(inputs[name]) for name in LIST_INPUTS if inputs.get(name) is not None}
     meshes = [named_mesh(*pair) for pair in zip(mesh_sources, map(str, ship), strict=True)]
     rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**inputs, **drawn})
@@ -183,7 +154,22 @@ def make_rows(
     return arrays | {str(name): values.values for name, values in rows.data_vars.items()}
 
 
-@lru_cache(maxsize=64)
+profile_rows = PROFILES.stage(
+    *_declare_parameters(ROWS),
+    Output("profile", ("place", "down_range"), label=VARIABLES["profile"][1]),
+    reads=RADAR_INPUTS,
+    gather=(Grid.ship, Grid.range, Grid.frame_count, Grid.pulse_width),
+    name="profile_rows",
+)(make_rows)
+silhouette_rows = SILHOUETTES.stage(
+    *_declare_parameters(name for name in ROWS if name not in RADAR_COORDINATES),
+    Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
+    reads=IMAGER_INPUTS,
+    gather=(Grid.ship, Grid.range, Grid.frame_count),
+    name="silhouette_rows",
+)(make_rows)
+
+
 def named_mesh(mesh_source: MeshSource, label: str) -> trimesh.Trimesh:
     """Return a ship's mesh with the sweep's label as its name."""
     mesh = read_mesh(mesh_source)
@@ -193,29 +179,17 @@ def named_mesh(mesh_source: MeshSource, label: str) -> trimesh.Trimesh:
     return mesh
 
 
-row_bins = PROFILES.stage(
-    coordinate("down_range", ("down_range",), "f8", "down-range from the ship origin", "m"),
-    name="row_bins",
-)(ladar.bin_centres)
+row_bins = replace(profile_bins, name="row_bins", group=PROFILES)
+row_cells = replace(map_cells, name="row_cells", group=SILHOUETTES)
 
 
-@SILHOUETTES.stage(
-    coordinate("angle", ("angle",), "f8", "angle about the centroid", "degree"),
-    coordinate("radius", ("radius",), "f8", "place between inner and outer log radius"),
-)
-def row_cells() -> Arrays:
-    """Return the angles and radii of the cells of log-polar maps."""
-    return dict(zip(("angle", "radius"), map_cells(), strict=True))
-
-
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) scenes, ships and ranges that rows do not support."""
     if uses_sensor(SENSOR)(choices):
         check_profiles(choices)
         require(choices, Scene.geometry, "fixed", f"with the sensor {SENSOR}")
         require(choices, Render.tolerance, None, f"with the sensor {SENSOR}")
         views.check_ranges(choices, Grid.range, Ladar.ifov)
-    return choices
 
 
 def tabulate(made_rows: xr.Dataset, choices: Choices) -> xr.Dataset:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -262,7 +261,7 @@ flight_bins = replace(profile_bins, name="flight_bins", group=FLIGHTS)
 # Checks
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
     require_among(choices, Irar.flown, Grid.ship)
     printed = next((name for name in choices[Irar.chain] if name != comparison.EXACT), None)
@@ -270,7 +269,7 @@ def check(choices: Choices) -> Choices:
         reason = f"where irar.chain has {printed}, which has a way of its own"
         require(choices, setting, setting.default, reason)
     if not uses_sensor(IRAR)(choices):
-        return choices
+        return
     for values in combinations(choices, (Irar.band_start, Irar.band_stop)):
         if not values["band_start"] < values["band_stop"]:
             stop = f"below {values['band_stop']:g}, irar.band_stop"
@@ -287,15 +286,13 @@ def check(choices: Choices) -> Choices:
             place = f" ({ship} at {aspect:g} deg)"
             plan = plan_scan(hulls[ship], flight) if ship in hulls else None
         except ValueError as problem:
-            raise ConfigurationError(
-                f"{_translate_message(problem, values['range'])}{place}"
-            ) from problem
+            message = str(problem).replace("slant_range", "range in m")
+            raise ConfigurationError(f"irar.{message}{place}") from problem
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
         if plan is not None and not plan.meets(hulls[ship]):
             missed = f"irar.offset: no sample meets {ship} at {aspect:g} deg"
             refuse(Irar.pointing, values["pointing"], f"nearer {values['offset']:g}, {missed}")
-    return choices
 
 
 def flown_ships(choices: Choices) -> tuple[Value, ...]:
@@ -324,15 +321,6 @@ def _check_estimate(flight: Flight, error: Error) -> None:
             f"{wrong} the ship comes closer at {speed:.3g} m/s, but must be such that it does at "
             f"{min_speed:.3g} to {max_speed:.3g}"
         )
-
-
-def _translate_message(error: ValueError, slant_range: float) -> str:
-    """Return the library's message about a flight, with the configuration's keys and units."""
-    match = re.fullmatch(r"slant_range is .*? must be at least ([\d.e+]+), (.*)", str(error))
-    if match:
-        min_range = float(match[1]) / 1e3
-        return f"irar.range has {slant_range:g}, but must be at least {min_range:g}, {match[2]}"
-    return f"irar.{error}"
 
 
 # Tables of flights

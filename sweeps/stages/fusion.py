@@ -20,7 +20,7 @@ from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
 from sweeps.stages.classifier import GATHERED, NONE, Classifier, Indices, Integers, Mask
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
-from sweeps.stages.ladar import WITH_MOMENTS, Ladar
+from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood, Prior
 from sweeps.stages.refusals import refuse, require_among
 from sweeps.stages.views import INFRARED, RANGE, Arrays, Floats, Grid, Profiles, Sweep
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
 NAME = "fusion"
-WITH_MOMENTS[NAME] = {RANGE, INFRARED}
 CHANNELS = ("range", "infrared", "both")
 MIN_PHASES = 2
 OF_DRAWS = ("channel", "draw")
@@ -284,7 +283,7 @@ fusion_draws = ANSWERS.coordinates(
 )(draws_of)
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse ranges that only one sensor sees, if fusion is the only classifier.
 
     Beside other classifiers, fusion is left out at such ranges.
@@ -300,7 +299,6 @@ def check(choices: Choices) -> Choices:
             reason = f"the classifier {NAME} weighs the silhouettes of one by those of others"
             refuse(Infrared.subpixel_offsets, offsets, f"at least {MIN_PHASES}: {reason}")
         classifier.check_receiver(choices, NAME)
-    return choices
 
 
 STAGES = (

@@ -29,16 +29,7 @@ from ncti.machine_code import CompiledLoops
 from ncti.render import LineImage, RangeImage
 from ncti.render.loops import MASK, engine_loops
 from sweeps.engine.declare.display import Display, Figure
-from sweeps.engine.declare.settings import (
-    Choices,
-    Run,
-    Setting,
-    Settings,
-    count,
-    draws,
-    number,
-    word,
-)
+from sweeps.engine.declare.settings import Choices, Run, Setting, Settings, draws, number, word
 from sweeps.engine.declare.stage import (
     SHARE,
     Group,
@@ -83,9 +74,9 @@ MIN_NEDT = 1e-3
 MAX_COVERAGE = 0.95
 
 
-def _help_on_default(grid: Setting) -> dict[str, Any]:
-    """Return the help of an axis whose values default to the grid's."""
-    return {"help": f"null: that of {grid.key}", "role": "dimension"}
+def _own(grid: Setting, label: str = "") -> Setting:
+    """Return an axis of the imager whose values default to the grid's."""
+    return replace(grid, default=grid, label=label or grid.label, help=f"null: that of {grid.key}")
 
 
 class Infrared(Settings, key="infrared"):
@@ -120,14 +111,8 @@ class Infrared(Settings, key="infrared"):
     window_height = quantity(
         50, 1, 500, "m", "height of the highest ship in images", not_swept=views.SHAPES
     )
-    range = quantity(Grid.range, 1, 1000, "km", "slant range", **_help_on_default(Grid.range))
-    frame_count = count(
-        Grid.frame_count,
-        low=1,
-        high=views.MAX_FRAMES,
-        label="infrared frames averaged",
-        **_help_on_default(Grid.frame_count),
-    )
+    range = _own(Grid.range)
+    frame_count = _own(Grid.frame_count, "infrared frames averaged")
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
@@ -173,9 +158,7 @@ class Infrared(Settings, key="infrared"):
     training_range = quantity(
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
-    vigilance = number(
-        Grid.vigilance, 0, 1, label="vigilance in training", **_help_on_default(Grid.vigilance)
-    )
+    vigilance = _own(Grid.vigilance)
     subpixel_offsets = draws(
         4,
         MAX_OFFSETS,
@@ -385,10 +368,10 @@ def template_log_polar(
 # Checks
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) ranges that pixels do not resolve, and ships too large."""
     if not uses_sensor(views.INFRARED)(choices):
-        return choices
+        return
     same_ranges = choices[Infrared.range] == choices[Grid.range]
     range_setting = Grid.range if same_ranges else Infrared.range
     for setting in (range_setting, Infrared.training_range):
@@ -398,14 +381,13 @@ def check(choices: Choices) -> Choices:
         if method != "matched" and find_spec("skimage") is None:
             allowed = "matched without scikit-image: pip install 'ncti-sweep[segmentation]'"
             refuse(Infrared.segmentation, method, allowed)
-    return choices
 
 
 def check_window(choices: Choices) -> None:
     """Refuse ships that images do not hold."""
     length, height = Infrared.window_length, Infrared.window_height
     for ship in choices[Grid.ship]:
-        vertices = meshes.description(meshes.mesh_source(ship)).vertices
+        vertices = meshes.vertices(ship)
         longest = 2 * float(np.hypot(vertices[:, 0], vertices[:, 1]).max())
         for setting, extent in ((length, longest), (height, float(vertices[:, 2].max()))):
             if extent > (window := choices.value(setting)):

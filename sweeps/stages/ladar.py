@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from sweeps.stages import meshes, views
 from sweeps.stages.arguments import restore
 from sweeps.stages.refusals import refuse
 from sweeps.stages.views import (
+    INFRARED,
     RANGE,
     STATUS,
     Arrays,
@@ -41,6 +42,9 @@ from sweeps.stages.views import (
     uses_sensor,
 )
 
+if TYPE_CHECKING:
+    from sweeps.engine.declare.stage import Stage
+
 SENSOR = RANGE
 IMPORTS = ("ncti.ladar.pixels", "ncti.ladar.waveforms", "ncti.normals")
 PROFILE_GROUP = "range_profile"  # group, and name of the noise
@@ -51,10 +55,10 @@ ANYWHERE, CORNER = "random", "corner"  # places of the ship on the grid of IFOVs
 
 MODELS = ("projected_area", "lambertian")  # of reflection
 
-WITH_MOMENTS: dict[str, set[str]] = {}
+WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
 """Sensors that a classifier needs, by the names of those for which covariances are stored.
 
-The modules of these classifiers add them.
+The module of a user's classifier may add it.
 """
 
 
@@ -105,7 +109,7 @@ def stores_moments(choices: Choices) -> bool:
     """Return whether covariances of range profiles are stored."""
     sensors = set(choices.value(Sweep.sensor))
     names = choices.values.get("classifier.name", ())
-    return any(name in WITH_MOMENTS and WITH_MOMENTS[name] <= sensors for name in names)
+    return any(name in names and needed <= sensors for name, needed in WITH_MOMENTS.items())
 
 
 def has_tolerance(choices: Choices) -> bool:
@@ -206,11 +210,16 @@ def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
     return drawn if aspect == drawn_aspect else drawn.mirrored()
 
 
-# With ladar.place=corner these cells are those of `extent`, which is reused.
-offset_extent = replace(
-    extent, name="offset_extent", reads={**extent.reads, "shift": "ifov_offset"}
-)
-offset_ifovs = replace(ifovs, name="offset_ifovs", reads={"extent": "offset_extent"})
+def extent_stages(name: str, **reads: Setting | str) -> tuple[Stage, Stage]:
+    """Return the stages of range extents that read other inputs, as arrays and as objects.
+
+    Extents of equal inputs are one result, such as that of a ship at the corner of an IFOV.
+    """
+    other = replace(extent, name=f"{name}_extent", reads=extent.reads | reads)
+    return other, replace(ifovs, name=f"{name}_ifovs", reads={"extent": other.name})
+
+
+offset_extents = extent_stages("offset", shift="ifov_offset")
 
 
 @derived(uses=(Grid, Ladar, Render), gather=(Grid.pulse_width, Ladar.bin_width))
@@ -317,7 +326,7 @@ def lags(
     return bin_width * np.arange(max(map(len, bands)), dtype=np.float64)
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) inconsistent settings of the laser radar."""
     window, bin_width = choices.value(Ladar.window), choices.value(Ladar.bin_width)
     if window < 10 * bin_width:
@@ -331,10 +340,9 @@ def check(choices: Choices) -> Choices:
         check_profiles(choices)
     if uses_sensor(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
-        _check_extinction(choices)
+        _carrier_to_noise(choices, min(choices[Grid.range]))  # without extinction it is higher
         if FULL in choices[Ladar.receiver]:
             _check_cnr(choices)
-    return choices
 
 
 def check_profiles(choices: Choices) -> None:
@@ -360,59 +368,42 @@ def _check_window(choices: Choices) -> None:
     window = choices.value(Ladar.window)
     longest = Grid.pulse_width.in_si(max(choices[Grid.pulse_width]))
     for ship in choices[Grid.ship]:
-        reach = float(
-            np.linalg.norm(meshes.description(meshes.mesh_source(ship)).vertices, axis=1).max()
-        )
+        reach = meshes.reach(meshes.mesh_source(ship))
         if allowed := window_requirement(window, ship=ship, reach=reach, pulse_width=longest):
             refuse(Ladar.window, window, f"{allowed}{meshes.fault_hint(ship)}")
 
 
-def _check_extinction(choices: Choices) -> None:
-    """Refuse an extinction whose absence nearer than `cnr_range` exceeds the largest CNR."""
-    nearest, settings = min(choices[Grid.range]), (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)
+def _carrier_to_noise(choices: Choices, slant_range: float) -> list[tuple[float, float]]:
+    """Return every `ladar.cnr` with the ratio at a range [km]; refuse those beyond the largest."""
+    pairs, settings = [], (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)
     for cnr, cnr_range, extinction in product(*(choices[setting] for setting in settings)):
+        in_si = Ladar.cnr_range.in_si(cnr_range), Ladar.extinction.in_si(extinction)
         try:
-            cnr_at_range(
-                Grid.range.in_si(nearest),
-                cnr,
-                Ladar.cnr_range.in_si(cnr_range),
-                Ladar.extinction.in_si(extinction),
-            )
+            ratio = cnr_at_range(Grid.range.in_si(slant_range), cnr, *in_si)
         except ValueError:
-            reason = (
-                f"for a carrier-to-noise ratio of at most {MAX_DECIBELS:g} dB at {nearest:g} km"
-            )
-            refuse(Ladar.extinction, extinction, f"lower, {reason}")
+            limit = f"a carrier-to-noise ratio of at most {MAX_DECIBELS:g} dB at {slant_range:g} km"
+            refuse(Ladar.extinction, extinction, f"lower, for {limit}")
+        pairs.append((cnr, ratio))
+    return pairs
 
 
 def _check_cnr(choices: Choices) -> None:
     """Refuse carrier-to-noise ratios at which single precision loses a ship in the noise floor."""
-    farthest, widest = (
-        setting.in_si(max(choices[setting])) for setting in (Grid.range, Ladar.ifov)
-    )
-    max_ifovs = max(choices[Ladar.target_free_ifovs])
-    signals = [
-        *product(*(choices[setting] for setting in (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)))
-    ]
+    farthest, max_ifovs = max(choices[Grid.range]), max(choices[Ladar.target_free_ifovs])
+    signals = _carrier_to_noise(choices, farthest)
     for ship in choices[Grid.ship]:
         min_ratio = faintest_ratio(
-            np.ptp(meshes.description(meshes.mesh_source(ship)).vertices, axis=0),
-            slant_range=farthest,
-            ifov=widest,
+            np.ptp(meshes.vertices(ship), axis=0),
+            slant_range=Grid.range.in_si(farthest),
+            ifov=Ladar.ifov.in_si(max(choices[Ladar.ifov])),
             target_free_ifovs=max_ifovs,
         )
-        for cnr, cnr_range, extinction in signals:
-            ratio = cnr_at_range(
-                farthest, cnr, Ladar.cnr_range.in_si(cnr_range), Ladar.extinction.in_si(extinction)
-            )
+        for cnr, ratio in signals:
             if ratio < min_ratio:
-                lacking = 10 * math.log10(min_ratio / max(ratio, 1e-300))
-                allowed = (
-                    f"at least {cnr + lacking:.1f} dB for single precision to hold the profile of "
-                    f"{ship} at {farthest / 1e3:g} km over the floor of {max_ifovs} target-free "
-                    "IFOVs"
-                )
-                refuse(Ladar.cnr, cnr, allowed)
+                needed = cnr + 10 * math.log10(min_ratio / max(ratio, 1e-300))
+                reason = f"for single precision to hold the profile of {ship} at {farthest:g} km"
+                floor = f"over the floor of {max_ifovs} target-free IFOVs"
+                refuse(Ladar.cnr, cnr, f"at least {needed:.1f} dB {reason} {floor}")
 
 
 def loops(choices: Choices) -> list[CompiledLoops]:
@@ -426,8 +417,7 @@ STAGES = (
     ifov_offset,
     extent,
     ifovs,
-    offset_extent,
-    offset_ifovs,
+    offset_extents,
     fineness,
     profile_error,
     within_tolerance,

@@ -21,17 +21,10 @@ from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number
 from sweeps.engine.declare.stage import NOWHERE, Output, Stream, derived, in_memory, stage
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import (
-    GATHERED,
-    NONE,
-    AspectSelection,
-    Classifier,
-    Integers,
-    Mask,
-)
-from sweeps.stages.ladar import WITH_MOMENTS, Ladar, expected, extent, ifovs, mirror_offset
+from sweeps.stages.classifier import GATHERED, NONE, AspectSelection, Classifier, Integers, Mask
+from sweeps.stages.ladar import Ladar, expected, extent_stages, mirror_offset
 from sweeps.stages.refusals import refuse
-from sweeps.stages.views import RANGE, Arrays, Floats, Grid, Profiles
+from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
 if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
@@ -39,7 +32,6 @@ if TYPE_CHECKING:
 IMPORTS = ("ncti.classify.likelihood",)
 NAME = "likelihood"
 ANSWERS = classifier.of_profiles(NAME, "gain_sigma", "left_out")
-WITH_MOMENTS[NAME] = {RANGE}
 
 
 class Likelihood(Settings, key="classifier"):
@@ -196,11 +188,7 @@ def template_offset(
     return mirror_offset(spread_place(number), aspect, drawn_aspect)
 
 
-# At the first place these cells are those of expected profiles.
-placed_extent = replace(
-    extent, name="placed_extent", reads={**extent.reads, "shift": "template_offset"}
-)
-placed_ifovs = replace(ifovs, name="placed_ifovs", reads={"extent": "placed_extent"})
+placed_extents = extent_stages("placed", shift="template_offset")
 placed_profile = replace(
     expected,
     name="placed_profile",
@@ -443,7 +431,7 @@ def likelihood(
     }
 
 
-def check_first(choices: Choices) -> Choices:
+def check_first(choices: Choices) -> Choices | None:
     """Return choices with generated ships in the grid, unknown and the alternative.
 
     Refuses (`ConfigurationError`) to generate variants of ships whose sheets are not packaged, or
@@ -451,7 +439,7 @@ def check_first(choices: Choices) -> Choices:
     """
     number = choices.value(Classifier.generated)
     if not number:
-        return choices
+        return None
     if not ANSWERS.when(choices):
         refuse(Classifier.generated, number, f"0 unless classifier.name has {NAME}")
     learned = set(choices[Grid.ship]) - set(choices.value(Classifier.unknown) or ())
@@ -468,20 +456,18 @@ def check_first(choices: Choices) -> Choices:
     return choices
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse receivers with unknown moments, and leaving all aspects out."""
     if ANSWERS.when(choices):
         classifier.check_receiver(choices, NAME)
         classifier.check_left_out(choices)
-    return choices
 
 
 STAGES = (
     prior,
     alternative_views,
     template_offset,
-    placed_extent,
-    placed_ifovs,
+    placed_extents,
     placed_profile,
     profile_moments,
     calibrated_error,

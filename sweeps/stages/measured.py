@@ -40,9 +40,7 @@ KINDS = ("learned", "test", "measured")
 flight_images = views.image_stages("flight_image", range=Irar.profile_range, below=Irar.depression)
 flight_cnr = replace(ladar.cnr_at_range, name="flight_cnr", reads={"range": Irar.profile_range})
 FLIGHT_SIGNAL = ladar.RECEIVED | {"cnr": "flight_cnr"}
-FLIGHT_IMAGE = {"image": "flight_image", "slant_range": Irar.profile_range}
-flight_extent = replace(ladar.extent, name="flight_extent", reads=ladar.extent.reads | FLIGHT_IMAGE)
-flight_ifovs = replace(ladar.ifovs, name="flight_ifovs", reads={"extent": "flight_extent"})
+flight_extents = ladar.extent_stages("flight", image="flight_image", slant_range=Irar.profile_range)
 learned_signature = replace(
     ladar.expected,
     name="learned_signature",
@@ -223,19 +221,18 @@ def measured(trained_classifier: Classify, signature: Profiles, valid: Mask) -> 
 measured_kinds = ANSWERS.coordinates(*signature_kinds.outputs)(signature_kinds.function)
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> Choices | None:
     """Refuse classifiers that cannot identify measured profiles; drop them if others can."""
     if not uses_sensor(IRAR)(choices):
-        return choices
+        return None
     names = tuple(name for name in choices[Classifier.name] if name in TRAINED)
     if not names:
         allowed = f"one of {', '.join(TRAINED)} where sensor is irar"
         refuse(Classifier.name, ", ".join(choices[Classifier.name]), allowed)
     require(choices, Correlation.training, EXPECTED, "where sensor is irar")
     require(choices, Classifier.left_out, False, "where sensor is irar")
-    if set(choices.value(views.Sweep.sensor)) == {IRAR}:
-        return choices.replace(Classifier.name, names)
-    return choices
+    only_flights = set(choices.value(views.Sweep.sensor)) == {IRAR}
+    return choices.replace(Classifier.name, names) if only_flights else None
 
 
 def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
@@ -248,8 +245,7 @@ def tabulate_measured(classified: xr.Dataset, choices: Choices) -> xr.Dataset:
 STAGES = (
     flight_images,
     flight_cnr,
-    flight_extent,
-    flight_ifovs,
+    flight_extents,
     learned_signature,
     test_signature,
     signature,

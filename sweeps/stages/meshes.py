@@ -11,6 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
 from platformdirs import user_cache_path
 
 import ncti.ships
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     import trimesh
 
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
-FEW_SHIPS = 4  # at most as many are built by this process, while workers import
+FEW_SHIPS = 4  # at most as many are built while workers import, more on all processors before
 LINE_INTERVAL = 10.0  # s between lines
 
 LOG = logging.getLogger(__name__)
@@ -82,6 +84,11 @@ def reach(source: MeshSource) -> float:
     return reach_of(description(source).vertices)
 
 
+def vertices(ship: ShipName) -> NDArray[np.float64]:
+    """Return a ship's vertices [m], (n, 3)."""
+    return description(mesh_source(ship)).vertices
+
+
 def fault_hint(ship: ShipName) -> str:
     """Return a hint at a ship's fault for the end of a message; empty if there is none."""
     described = description(mesh_source(ship))
@@ -95,21 +102,16 @@ def fault_hint(ship: ShipName) -> str:
 def check(ships: Sequence[ShipName]) -> None:
     """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
     sources = [mesh_source(ship) for ship in ships]
-    _build_many([source.name for source in sources])
+    folder = _built_folder()
+    missing = [source.name for source in sources if not is_built(source.name, cache=folder)]
+    if len(missing) > FEW_SHIPS:
+        LOG.warning("building %d ships (once)", len(missing))
+        build_in_parallel(missing, cache=folder, progress=_progress_of(len(missing)))
     for source in sources:
         try:
             description(source)
         except ValueError as error:
             raise ConfigurationError(f"grid.ship has {source.name!r}: {error}") from error
-
-
-def _build_many(ships: Sequence[str]) -> None:
-    """Build ships on all processors if there are many; a few are built while workers import."""
-    folder = _built_folder()
-    missing = [ship for ship in ships if not is_built(ship, cache=folder)]
-    if len(missing) > FEW_SHIPS:
-        LOG.warning("building %d ships (once)", len(missing))
-        build_in_parallel(missing, cache=folder, progress=_progress_of(len(missing)))
 
 
 def _progress_of(count: int) -> Callable[[int], None]:

@@ -11,7 +11,7 @@ from ncti.ships import ShipError, Transform, names
 from ncti.ships.loading import MAX_LABEL, MESH_SUFFIXES, SHEET_SUFFIXES
 from ncti.ships.transform import AXES, MAX_OFFSET, MAX_SCALE, MIN_SCALE
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import Text, Value, Word, quote_value, sorted_values
+from sweeps.engine.declare.kinds import Text, Value, Word, quote_value
 from sweeps.engine.declare.settings import (
     Setting,
     Settings,
@@ -104,18 +104,14 @@ class Ships(Text):
     def values(self, key: str, given: Any) -> tuple[Value, ...]:
         """Return labels in ascending order, each a `ShipName`; see `Kind.values` of the engine."""
         listed = [given] if isinstance(given, str | Mapping) else given
-        if not isinstance(listed, Sequence) or not all(map(self._is_ship, listed)):
+        if not (isinstance(listed, Sequence) and listed and all(map(self._is_ship, listed))):
             raise ConfigurationError(f"{key} is {quote_value(given)}, but must be {self.allowed}")
-        words = [value for value in listed if isinstance(value, str)]
-        if words or not listed:
-            sorted_values(key, words)
         ships: set[ShipName] = set()
         for value in listed:
             ship = ship_name(value) if isinstance(value, str) else self._read_file(key, value)
             if ship in ships:
                 raise ConfigurationError(
-                    f"{key} has {quote_value(value)}, but {str(ship)!r} is the name of another "
-                    "ship of the grid"
+                    f"{key} has {quote_value(value)}, but already has a ship {str(ship)!r}"
                 )
             ships.add(ship)
         return tuple(sorted(ships))
@@ -140,15 +136,11 @@ class Ships(Text):
         ship = ship_name(path)
         if label is None:
             return ShipName(str(ship), ship.source, transform)
-        if not (label.strip() and label.isprintable() and len(label) <= MAX_LABEL):
+        printable = label.strip() and label.isprintable() and len(label) <= MAX_LABEL
+        if not printable or _is_path(label):
             raise ConfigurationError(
                 f"{key}.name is {quote_value(label)}, but must be 1 to {MAX_LABEL} printable "
-                "characters"
-            )
-        if _is_path(label):
-            raise ConfigurationError(
-                f"{key}.name is {quote_value(label)}, but must not end as a file of a ship does, "
-                f"in {', '.join(SUFFIXES)}"
+                f"characters that do not end in {', '.join(SUFFIXES)}"
             )
         return ShipName(label, ship.source, transform)
 

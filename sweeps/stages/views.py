@@ -68,7 +68,7 @@ def quantity(
 class Sweep(Settings):
     """The sweep."""
 
-    sensor = set_of(  # which other modules declare, as `SENSOR`
+    sensor = set_of(  # words: the `SENSOR` of modules
         word(RANGE, (), label="sensors", not_swept="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )
@@ -289,10 +289,9 @@ def uses_sensor(sensor: str) -> Condition:
     return lambda choices: sensor in choices.value(Sweep.sensor)
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) ships that do not exist or are unfit."""
     meshes.check(choices[Grid.ship])
-    return choices
 
 
 def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
@@ -325,9 +324,6 @@ def loops(choices: Choices) -> list[CompiledLoops]:
     """Return the loops that engines draw by, and that bin their pixels."""
     used = {*choices[Render.engine]}
     return [*map(engine_loops, sorted(used)), *([BOXES] if used != {LINES} else [])]
-
-
-WORDS = {Sweep.sensor: "SENSOR"}
 
 
 STAGES = (
