@@ -11,7 +11,8 @@ import ncti.ships
 from ncti.irar import Flight, ship_heading
 from ncti.irar.corrected import navigated_flight
 from ncti.irar.scene import plan_scan
-from sweeps.stages.irar import FLOWN, MAX_ERROR, RECORDED, Irar, flight_of
+from sweeps.stages import irar
+from sweeps.stages.irar import FLOWN, MAX_ERROR, RECORDED, Irar, flight_of, surface
 
 # errors ---------------------------------------------------------------------------------------
 
@@ -64,6 +65,42 @@ def test_values_of_a_flight_are_converted():
     assert flight.cnr == pytest.approx(19.952623)
     assert flight.aspect == pytest.approx(30.0)
     assert (flight.samples, flight.pointing, flight.sight) == (60, 4.0, 13.0)
+
+
+OTHERS = {
+    **{"range": 3.1, "depression": 6.0, "aircraft_speed": 80.0, "ship_speed": 7.0},
+    **{"aircraft_heading": 10.0, "aircraft_track": 2.0, "offset": 4.0, "pointing": 4.5},
+    **{"mirror_angle": 30.0, "ifov": 450.0, "line_rate": 50.0, "samples": 62},
+    **{"pulse_rate": 5000.0, "range_gate": 400.0, "detectors": 4, "jitter": 100.0},
+    **{"jitter_time": 1.0, "flown_pulse_width": 20.0, "cnr": 15.0, "range_sigma": 0.5},
+    **{"threshold": 8.0, "nedt": 0.2, "band_start": 7.5, "band_stop": 13.0, "clutter": 0.1},
+    **{"contrast_at_zero": 3.0, "sea_temperature": 280.0, "band_extinction": 0.2},
+    **{"clutter_length": 30.0},
+}
+
+
+def test_every_setting_changes_the_flight_or_the_ship_or_the_noise():
+    values, mesh = first(*FLOWN, *RECORDED), ncti.ships.load("roberts")
+    assert set(values) == {*OTHERS, "transom_gain", "mast_gain", "replicate"}
+    flight, plain = flight_of(175.0, values), surface(mesh, values, "lambertian")["reflectivity"]
+    for name, other in OTHERS.items():
+        assert flight_of(175.0, values | {name: other}) != flight, name
+    for name in ("transom_gain", "mast_gain"):
+        changed = surface(mesh, values | {name: 3.0}, "lambertian")["reflectivity"]
+        assert (changed != plain).any(), name
+
+
+def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
+    """`fly` is replaced by one number, drawn from the stream of the flight's attitude."""
+    monkeypatch.setattr(irar, "fly", lambda mesh, flight, *, rng, **surface: rng.random())
+    mesh, course = ncti.ships.load("roberts"), first(*FLOWN, jitter=50.0)
+    view = {"ship": "roberts", "aspect": 175.0, "seed": 0, "replicate": 0, "reflectance": ""}
+    others = ({}, {"ship": "duncan"}, {"aspect": 176.0}, {"seed": 1}, {"replicate": 1})
+    drawn = [irar.fly_past(mesh, course, **view | other) for other in others]
+    drawn.append(irar.fly_past(mesh, course | {"range": 4.0}, **view))
+    assert len(set(drawn)) == len(others) + 1
+    course["jitter"] = 0.0
+    assert irar.fly_past(mesh, course, **view) == irar.fly_past(mesh, course, **view | others[-1])
 
 
 def test_what_is_believed_wrong():
