@@ -122,14 +122,13 @@ def dense(band):
     return covariance
 
 
-def few_learned(aspects, learned=20):
-    """Return the mask of views learned, templates with it, and noisy (ship, aspect, bin) data."""
-    rng = np.random.default_rng(aspects)
-    known = np.zeros((SHIPS, aspects), dtype=bool)
-    known[:, :: aspects // learned] = True
-    averaged = np.abs(rng.standard_normal((*known.shape, 16)))
-    of_ship, column = known.nonzero()
-    band = np.ones((len(column), 1, 16))
-    templates = GaussianTemplates(template_error=0.2)
-    templates.fit(averaged[known], band, of_ship, averaged[known][:, :1], aspect=0.01 * column)
-    return known, (templates, known), averaged
+def rows_of_densities(monkeypatch):
+    """Return the list of the numbers of profiles whose densities are computed at once from now."""
+    rows, compute = [], GaussianTemplates.log_likelihood
+
+    def recorded(templates, profiles, *arguments, **options):
+        rows.append(len(profiles))
+        return compute(templates, profiles, *arguments, **options)
+
+    monkeypatch.setattr(GaussianTemplates, "log_likelihood", recorded)
+    return rows

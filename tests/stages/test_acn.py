@@ -61,7 +61,6 @@ def test_unknown_ships_move_no_category_of_known_ones(unknown):
 
 # The stages on profiles and maps
 
-RULES = (("first", "category"), ("majority", "ship"))
 ORDERS = ((0, 7), (1, 7))
 LEVELS = {"profiles": (0.5, 0.7, 0.9), "maps": (0.96, 0.97)}
 SEE = {"profiles": profile_vectors, "maps": map_vectors}
@@ -86,9 +85,9 @@ def stacked(rows):
     return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
-def trained(kind, views, orders, levels, label, valid=None, training_views=None):
+def trained(kind, views, label, training_views=None):
     """Return the training set and the categories formed, by order and level."""
-    valid = np.ones(views.shape[:2], dtype=bool) if valid is None else valid
+    valid = np.ones(views.shape[:2], dtype=bool)
     training_views = np.ones_like(valid) if training_views is None else training_views
     training_set = {"profiles": acn.profile_training_set, "maps": acn.silhouette_training_set}[
         kind
@@ -97,25 +96,21 @@ def trained(kind, views, orders, levels, label, valid=None, training_views=None)
         stacked(
             [
                 form_categories(training_set, training_views, order, level, 0.1, 200, label)
-                for level in levels
+                for level in LEVELS[kind]
             ]
         )
-        for order in orders
+        for order in ORDERS
     ]
     return training_set, stacked(formed)
 
 
-def answered(
-    kind, views, orders=ORDERS, levels=None, frames=(0, 1), rules=RULES[1],
-    valid=None, learn=False, training_views=None,
-):  # fmt: skip
+def answered(kind, views, rules=("majority", "ship"), learn=False, training_views=None):
     """Return the arrays of the stage of tests, called as the engine calls it."""
     seen, tests = views
-    valid = np.ones(seen.shape[:2], dtype=bool) if valid is None else valid
+    valid = np.ones(seen.shape[:2], dtype=bool)
     label, score = rules
-    known = trained(kind, seen, orders, levels or LEVELS[kind], label, valid, training_views)
-    rate = TRAINED["learning_rate"]
-    return answer_tests(*known, tests[list(frames)], valid, score, learn, rate)
+    known = trained(kind, seen, label, training_views)
+    return answer_tests(*known, tests, valid, score, learn, TRAINED["learning_rate"])
 
 
 @of_both
@@ -128,7 +123,7 @@ def test_the_stages_are_the_network(kind, learn, monkeypatch):
     learn = bool(learn)
     seen, tests = views = views_of(kind)
     answers = answered(kind, views, learn=learn)
-    _, formed = trained(kind, seen, ORDERS, LEVELS[kind], "majority")
+    _, formed = trained(kind, seen, "majority")
     ship = np.repeat(np.arange(SHIPS), len(ASPECTS))
     vectors, *test_vectors = (SEE[kind](images).astype(float) for images in (seen, *tests))
     shared = False
@@ -155,24 +150,6 @@ def test_the_stages_are_the_network(kind, learn, monkeypatch):
             np.testing.assert_array_equal(answers["correct"][index].ravel(), predicted == ship)
     assert shared
     assert 0 < answers["correct"].mean() < 1
-
-
-@of_both
-def test_views_that_are_not_there_change_no_other_answer(kind):
-    """The other answers are equal to answers in a grid without these views."""
-    seen, tests = views_of(kind)
-    valid = np.ones(seen.shape[:2], dtype=bool)
-    valid[2] = False
-    seen, tests = seen.copy(), tests.copy()
-    seen[2] = tests[:, 2] = np.nan if kind == "profiles" else 0  # as the engine fills them
-    answers = answered(kind, (seen, tests), valid=valid, orders=ORDERS[:1])
-    smaller = answered(kind, (seen[:2], tests[:, :2]), orders=ORDERS[:1])
-    for name, values in smaller.items():
-        np.testing.assert_allclose(answers[name][..., :2, :], values, atol=1e-12, err_msg=name)
-    for name in ("category", "predicted", "correct"):
-        assert (answers[name][..., 2, :] == -1).all()
-    assert np.isnan(answers["similarity"][..., 2, :]).all()
-    np.testing.assert_array_equal(answers["cell"][..., 2, :], 0)
 
 
 @of_both
@@ -245,6 +222,9 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     np.testing.assert_array_equal(
         answers["category"][0][valid], category.reshape(valid.shape)[valid]
     )
+    assert np.isnan(answers["similarity"][0][~valid]).all()
+    for name, absent in (("category", -1), ("predicted", -1), ("correct", -1), ("cell", 0)):
+        assert (answers[name][0][~valid] == absent).all(), name
     # Rounding of sums over features or all views, with weights of 0 for views not learned.
     bound = 4 * valid.size * np.finfo(float).eps * max(1, np.abs(of_all_views["weights"]).max())
     cosine = cosine.reshape(valid.shape)[valid]
