@@ -1,4 +1,4 @@
-"""Hits kept as arrays have the coverage of the view by pixels or lines, also mirrored."""
+"""Hits kept as arrays have the coverage of the view by pixels or lines."""
 
 import numpy as np
 import pytest
@@ -39,19 +39,3 @@ def test_patches_cover_what_the_view_does(image):
     expected = silhouette(image, footprint=15.0, phase=PLACE, extent=patches.extent)
     np.testing.assert_array_equal(raster.coverage, expected.coverage)
     assert raster.origin == expected.origin
-
-
-def test_a_mirrored_ship_covers_the_mirrored_pixels(image):
-    """With the ship's origin in the middle of a pixel, columns change places and nothing else."""
-    drawn, mirrored = (shares(Hits.of(image).patches(mirrored=flag)) for flag in (False, True))
-    assert drawn.keys() == {-column for column in mirrored}
-    for column, share in drawn.items():
-        np.testing.assert_allclose(mirrored[-column], share, atol=1e-9)
-    assert any(abs(share - drawn[-column]).max() > 0.5 for column, share in drawn.items())
-
-
-def shares(patches):
-    """Return the coverage of each column that shows the ship, by its number from the origin."""
-    raster = patches.covering(3.75, (0.5, 0.5))
-    columns = np.rint(raster.origin[0] / 3.75).astype(int) + np.arange(raster.coverage.shape[1])
-    return {c: raster.coverage[:, k] for k, c in enumerate(columns) if raster.coverage[:, k].any()}

@@ -61,7 +61,10 @@ def test_an_image_of_pixels_states_its_error(ifovs):
     error = ladar.profile_error(ifovs, 30e-9)
     assert 0.001 < error < 0.1 and error == ifovs.error_after(30e-9)
     for tolerance, within in ((0.2, True), (0.0005, False)):
-        assert bool(ladar.within_tolerance(error, (tolerance, 30e-9, 1.0))) is within
+        fineness = ladar.fineness((50e-9, 30e-9), (1.0,), tolerance)
+        assert fineness == (tolerance, 30e-9, 1.0)
+        assert bool(ladar.within_tolerance(error, fineness)) is within
+    assert ladar.fineness((50e-9, 30e-9), (1.0,), None) == ()
 
 
 def place_of(drawn_aspect=300.0, **other):

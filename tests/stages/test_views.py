@@ -75,7 +75,7 @@ def test_ends_are_drawn_finer_than_broadsides():
     assert end.hit.sum() == pytest.approx(20_000, rel=0.02)
 
 
-@pytest.mark.parametrize("aspect", [0.0, 3.0, 25.0, 56.0, 90.0, 200.0])
+@pytest.mark.parametrize("aspect", [0.0, 56.0, 200.0])
 def test_lines_are_those_that_are_halved_until_there_are_enough(aspect):
     mesh, sampling = ncti.ships.load("duncan"), Sampling("lines", 0.25, 20_000, views.ROLL)
     view = {"aspect": aspect, "depression": 3.84, "roll": sampling.roll_at(aspect)}

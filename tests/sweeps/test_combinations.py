@@ -55,6 +55,10 @@ def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
     assert message.startswith("grid.range has 1, where half infrared.ifov")
 
 
+def test_a_ship_need_not_fit_into_the_window_of_a_radar_that_is_not_there():
+    assert chosen("sensor=infrared", "grid.ship=duncan", "ladar.window=60")
+
+
 def test_a_box_that_floats_is_a_ship(folder):
     box = trimesh.creation.box((60, 10, 8))
     box.apply_translation((0, 0, 4))

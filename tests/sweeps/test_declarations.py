@@ -33,29 +33,6 @@ def test_the_default_is_allowed_and_written_as_it_is_read(setting):
     assert setting.values(setting.kind.as_input(values)) == values
 
 
-# Values of kinds that are declared here, and a word of the refusal besides the key.
-REFUSED = {
-    "grid.ship": [
-        *[(7, "7"), ("", "''"), ([], "empty"), (["duncan", "duncan"], "'duncan'")],
-        *[({"a": 1}, ".a"), ({"path": "a.stl", "scale": 0}, "scale has 0"), (None, "null")],
-    ],
-    "irar.errors": [
-        *[({"luck": 1}, "luck"), ({"pointing": 31}, "from -30 to 30"), ({"pointing": []}, "empty")],
-        *[([1], "[1]"), ("much", "'much'"), (None, "null")],
-    ],
-}
-
-
-@pytest.mark.parametrize("key", REFUSED)
-def test_what_a_setting_of_its_own_kind_refuses_is_named(key):
-    (setting,) = (declared for declared in DECLARED if declared.key == key)
-    for value, word in REFUSED[key]:
-        with pytest.raises((ConfigurationError, ValueError)) as caught:
-            setting.values(value)
-        sentence = str(caught.value)
-        assert sentence.startswith(key) and word in sentence and "\n" not in sentence
-
-
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
     lambda inner: (
@@ -110,6 +87,3 @@ def test_the_table_of_inputs_of_a_stage_is_current(monkeypatch):
     expected = {"aspect": "degree", "range": "m", "pulse_width": "s", "depression": "degree"}
     assert expected.items() <= units.items()
     assert {"image", "mesh", "mesh_source", "rng"} <= units.keys()
-
-
-# On the command line ------------------------------------------------------------------------

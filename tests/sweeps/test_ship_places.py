@@ -3,9 +3,8 @@
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
-from commands import FAST, chosen, groups_of, swept
+from commands import FAST, chosen
 from trimesh.creation import box
 
 from ncti.ladar import spread_place
@@ -21,13 +20,6 @@ from sweeps.stages.classifier import AspectSelection
 GIVEN = (
     *(*FAST, "grid.ship=[duncan,spruance]", "grid.aspect=[0,60]", "grid.frame_count=[2,16]"),
     *("classifier=all", "classifier.mnn.epochs=5"),
-)
-PLACES = "ladar.place=[random,corner]"
-
-# Variables that do not depend on the place of the ship when it is tested.
-LEARNED = (
-    *("expected", "covariance", "training_category", "training_confused", "training_correct"),
-    *("passes", "presentations", "hidden", "loss"),
 )
 
 
@@ -47,22 +39,6 @@ def to_make(*overrides):
 def keys(stage, *overrides):
     plan = plan_of(*overrides)
     return {plan.key(plan.bound[stage], place) for place in plan.cells(plan.bound[stage])}
-
-
-def test_the_corner_beside_random_places_is_what_a_sweep_of_the_corner_has(folder, results):
-    """They are equal bit for bit; learned arrays have no axis of places."""
-    swept(folder / "all.zarr", results, *GIVEN, PLACES)
-    swept(folder / "one.zarr", folder / "own", *GIVEN, "ladar.place=corner")
-    groups, corner_groups = groups_of(folder / "all.zarr"), groups_of(folder / "one.zarr")
-    assert set(groups) == set(corner_groups)
-    for name, group in corner_groups.items():
-        for variable, expected in group.data_vars.items():
-            array = groups[name][variable]
-            moved = array.dims != expected.dims
-            assert not (moved and variable in LEARNED), (name, variable)
-            sliced = array.sel(place="corner") if moved else array
-            equal = np.array_equal(sliced, expected, equal_nan=expected.dtype.kind == "f")
-            assert equal and sliced.dtype == expected.dtype, (name, variable)
 
 
 def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
