@@ -78,12 +78,13 @@ def make_command(*modules: Any) -> Command:
     raise_if_stopped()
     from sweeps.engine.command.line import Command
     from sweeps.experiment import EXPERIMENT, MODULES, assemble, remarks
+    from sweeps.report.outputs import report_paths
 
     raise_if_stopped()
     packages = tuple(module.__name__ for module in modules)
     experiment = assemble(*MODULES, *modules, code=packages) if modules else EXPERIMENT
     about_modules = partial(remarks, (*MODULES, *modules))
-    return Command(experiment, report, about_modules, REPORT_MODULES)
+    return Command(experiment, report, report_paths, about_modules, REPORT_MODULES)
 
 
 def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from sweeps.report.frames import Frame, values_of
+from sweeps.report.headline import settings_of
 from sweeps.report.pivot import (
     Entry,
     Line,
@@ -45,8 +46,20 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> TextTable:
     )
     table, left_out = _narrow_table(table, width)
     # The headline states the level of chance, and the setting of the best classifier.
-    sentences = (*notes, *frame.joint, left_out)
+    sentences = (*notes, *frame.joint, left_out, _other_settings(frame, candidates))
     return replace(table, notes=tuple(text for text in sentences if text))
+
+
+def _other_settings(frame: Frame, candidates: Sequence[Candidate]) -> str:
+    """Return a sentence on settings of the other candidates that differ from the best one's."""
+    best = settings_of(frame, candidates[0]) if candidates else {}
+    differing: dict[str, list[str]] = {}
+    for candidate in candidates[1:]:
+        for words, value in settings_of(frame, candidate).items():
+            if best.get(words) != value and value not in differing.setdefault(words, []):
+                differing[words].append(value)
+    listed = [f"{words} {' or '.join(values)}" for words, values in differing.items() if values]
+    return f"Where they apply: {', '.join(listed)}." if listed else ""
 
 
 def thin_lines(lines: Sequence[Line], count: int) -> list[Line]:
@@ -128,6 +141,11 @@ def _narrow_table(table: TextTable, width: int) -> tuple[TextTable, str]:
     ]
     count = count_fitting_columns(replace(table, lines=tuple(lines)), width)
     lines = [replace(line, cells=line.cells[:count]) for line in lines]
-    omitted = "Intervals" if count == len(table.heads) else "Intervals and more columns"
-    note = f"{omitted} are in {table.name}.csv."
+    dropped = len(table.heads) - count
+    has_intervals = any(cell.interval for line in table.lines for cell in line.cells)
+    intervals = "Intervals" if has_intervals else ""
+    columns = f"{dropped} more column{'s' * (dropped > 1)}" if dropped else ""
+    omitted = " and ".join(filter(None, [intervals, columns]))
+    verb = "is" if omitted.startswith("1 ") else "are"
+    note = f"{omitted} {verb} in {table.name}.csv." if omitted else ""
     return replace(table, heads=table.heads[:count], lines=tuple(lines)), note

@@ -40,6 +40,7 @@ from sweeps.report.words import (
 HIDDEN_COORDS = ("learned", "known")  # no axes
 INTERVAL_SUFFIXES = (("_ci_low", "_ci_high"), ("_low", "_high"))  # of the variables of ends
 BESIDE_SUFFIXES = ("_spread", "_n", "_of")
+MAX_POINTS = 6  # of settings that run together, to be listed
 PERCENT_DIGITS = 1  # decimals of percentages in files
 AXIS_ROLES = ("axis", "along")
 PART = "part"  # column with the number of the part of a frame, not in files
@@ -286,7 +287,8 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame:
     column_names = {
         column.axis: name for name, column in columns.items() if column.role in AXIS_ROLES
     }
-    views = {"views": int(table.views.max())} if "views" in table else {}
+    counts = next((table[name] for name in ("view_count", "views") if name in table), None)
+    views = {} if counts is None else {"views": int(counts.max())}
     variables = {name: variable for name, (variable, _) in figure_columns.items()}
     dims = {name: tuple(map(str, table[variable].dims)) for name, variable in variables.items()}
     return Frame(
@@ -328,7 +330,18 @@ def _joint_sentence(data: xr.Dataset, dim: str, main_name: str) -> list[str]:
     if not others:
         return []
     main, *columns = (column_of_axis(data, name) for name in (main_name, *others))
-    return [f"Along {main.words} run {', '.join(column.words for column in columns)}."]
+    if data.sizes[dim] > MAX_POINTS:
+        return [f"Along {main.words} run {', '.join(column.words for column in columns)}."]
+    points = [
+        f"{main.in_words(value)}: "
+        + ", ".join(
+            column.in_words(data[name].values.tolist()[number])
+            for name, column in zip(others, columns, strict=True)
+        )
+        for number, value in enumerate(data[main_name].values.tolist())
+    ]
+    text = "; ".join(points)
+    return [f"{text[0].upper()}{text[1:]}."]
 
 
 def _columns_of_figures(

@@ -135,8 +135,9 @@ def _ranking_sentence(candidates: Sequence[Candidate]) -> str:
     words = candidate.frame.columns[candidate.axis].words
     if not candidate.shared:
         return f" Ranked by means over different values of {words}, since none is shared."
-    count = f"{len(candidate.shared)} of {candidate.count}"
-    return f" Ranked by {count} values of {words}, those that all have."
+    count = len(candidate.shared)
+    pronoun = "those" if count > 1 else "the one"
+    return f" Ranked by {count} of {candidate.count} values of {words}, {pronoun} that all have."
 
 
 def _figure_sentence(table: Frame, candidate: Candidate) -> str:
@@ -168,7 +169,8 @@ def _describe_course(candidate: Candidate, column: Column) -> str:
     """
     frame, ends = candidate.frame, _end_labels(candidate)
     axis, rows = frame.columns[candidate.axis], frame.rows
-    first, last = (float(rows.at[label, column.name]) for label in ends)
+    values = rows[column.name].astype(float)
+    first, last = (float(values.loc[label]) for label in ends)
     texts = dict(zip(ends, _distinct_numbers(first, last, column), strict=True))
     words = f"{axis.words} " * (not axis.unit)
     texts_of_ends = _axis_texts([rows.at[label, candidate.axis] for label in ends], axis)
@@ -179,11 +181,25 @@ def _describe_course(candidate: Candidate, column: Column) -> str:
         for label in ends
     )
     if texts[ends[0]] == texts[ends[1]]:
-        return f"is {first_text} at {start} and at {stop}"
-    if not pd.api.types.is_numeric_dtype(rows[candidate.axis]):
-        return f"is {first_text} at {start} and {last_text} at {stop}"
-    verb = "falls" if last < first else "rises"
-    return f"{verb} from {first_text} at {start} to {last_text} at {stop}"
+        clause = f"is {first_text} at {start} and at {stop}"
+    elif not pd.api.types.is_numeric_dtype(rows[candidate.axis]):
+        clause = f"is {first_text} at {start} and {last_text} at {stop}"
+    else:
+        verb = "falls" if last < first else "rises"
+        clause = f"{verb} from {first_text} at {start} to {last_text} at {stop}"
+    if not np.isfinite(values).all():
+        return clause
+    # An extreme between the ends is part of the answer.
+    minimum, maximum = values.min(), values.max()
+    for word, label, excess in (
+        ("minimum", values.idxmin(), min(first, last) - minimum),
+        ("maximum", values.idxmax(), maximum - max(first, last)),
+    ):
+        if excess > 0.1 * (maximum - minimum):
+            text = _distinct_numbers(float(values.loc[label]), last, column)[0]
+            place = f"{words}{axis.text(rows.at[label, candidate.axis])}"
+            clause += f", with a {word} of {text} at {place}"
+    return clause
 
 
 def _distinct_numbers(first: float, last: float, column: Column) -> tuple[str, str]:

@@ -31,6 +31,11 @@ _LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
 _PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE_META.encode())
 
 
+def report_paths(path: PathOrUrl) -> tuple[Path, Path]:
+    """Return the folder of tables and the file of the page of a store."""
+    return tables_folder(path), page_file(path)
+
+
 def tables_folder(path: PathOrUrl) -> Path:
     """Return the folder of a store's tables: of `q.zarr` `q-tables`, of `q` `q.tables`."""
     return _sibling_path(path, "tables")

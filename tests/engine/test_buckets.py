@@ -41,7 +41,11 @@ def test_a_store_in_a_bucket_grows_and_is_mended_as_one_on_a_disk(bucket, tmp_pa
 def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     reported = []
-    command = Command(SPRINGS, lambda path, choices, finished: reported.append(path))
+    command = Command(
+        SPRINGS,
+        lambda path, choices, finished: reported.append(path),
+        lambda near: [near.with_name(f"{near.name}-tables")],
+    )
 
     def start(*arguments):
         return command.main(["cache=cache", "cluster=inline", *arguments])
@@ -59,6 +63,8 @@ def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatc
         assert start(f"store={store}") == 2
         (message,) = capsys.readouterr().err.splitlines()
         assert message.startswith(f"springs: store is '{store}'") and reason in message
+    assert start("-m", f"store={bucket}/s.zarr,{bucket}/other/s.zarr") == 2
+    assert "whose report would replace that of" in capsys.readouterr().err
     assert opened(f"{bucket}/s.zarr", "springs").sizes["mass"] == 2
 
 

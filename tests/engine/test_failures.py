@@ -199,10 +199,17 @@ def test_what_gathers_all_without_a_mask_fails_with_one_of_them(tmp_path, broken
 # tables -------------------------------------------------------------------------------------------
 
 
+def mute(answers, choices):
+    """Make a table, but do not return it."""
+    answers.assign(x=1)
+
+
+MUTE = f"test_failures.py:{mute.__code__.co_firstlineno}: its function has no return, but must"
 SPOILT = [
     (lambda answers, choices: answers["nothing"], "KeyError: "),
     (lambda answers, choices: xr.Dataset({"x": ("y", np.array([1], "m8[s]"))}), "TypeError: "),
     (lambda answers, choices: {"x": 1}, "returned a dict, but must return a data set or None"),
+    (mute, MUTE),
 ]
 
 

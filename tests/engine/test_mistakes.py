@@ -1,5 +1,8 @@
 """Mistakes are refused and named when settings, stages or experiments are declared."""
 
+import re
+from dataclasses import replace
+
 import pytest
 from toys import SPRINGS, Few, Measured, Spring
 
@@ -12,6 +15,7 @@ from sweeps.engine.declare.stage import (
     Status,
     Stream,
     Table,
+    in_memory,
     stage,
 )
 
@@ -68,7 +72,9 @@ MISTAKES = [
         FEW,
         [few_stage(Output(x, role="state"), group=ELSEWHERE, name=x) for x in "xy"],
     ),
+    ("is in the group 'status', which has states", FEW, [few_stage(group="status")]),
     ("two settings have the name few.size", (Few, Again), [GOOD]),
+    ("keep=0, but must keep at least 1", FEW, [in_memory(keep=0, uses=FEW)(lambda size: size)]),
     ("two settings have the name seed", (Seed,), []),
     ("is both the setting named.period and a stage", (*TOYS, Named), [*SPRINGS.stages[:3], HIDDEN]),
     ("stage one: setting few.size is not in", (Spring,), [few_stage(group="")]),
@@ -82,6 +88,7 @@ MISTAKES = [
     ("setting few.size has role='scalar', but must have one of 'dimension'", (Scalar,), []),
     ("stage one in group '../few' has the name '..'", FEW, [few_stage(group="../few")]),
     ("has a stream, but its function", FEW, [few_stage(stream=Stream((Few.size,)))]),
+    ("one takes valid, but gathers nothing", FEW, [few_stage(function=lambda size, valid: size)]),
     ("one: x has the dtype 'O', but must have", FEW, [few_stage(Output("x", dtype="O"))]),
     ("one: x has the dtype 'f3', unknown", FEW, [few_stage(Output("x", dtype="f3"))]),
     ("stage one: setting spring.mass is not", FEW, [few_stage(group=OVER_MASS)]),
@@ -112,9 +119,35 @@ def test_one_of_what_may_be_several_needs_a_comma(word, wrong):
         few_stage(**wrong)
 
 
-def test_an_output_has_a_tuple_of_dimensions():
+def test_an_output_has_a_tuple_of_dimensions_and_a_unit_that_is_a_text():
     with pytest.raises(DeclarationError, match=HERE + "stage one has 'row' as dims of x, but must"):
         few_stage(Output("x", "row"))
+    with pytest.raises(DeclarationError, match=HERE + r"stage one: x has unit=\('m', 2\), but"):
+        few_stage(Output("x", unit=("m", 2)))
+
+
+def test_a_setting_has_a_name_that_is_free_and_a_unit_that_is_a_text():
+    with pytest.raises(DeclarationError, match=HERE + "setting key must have another name"):
+
+        class _(Settings, key="wrong"):
+            key = count(1, label="key")
+
+    with pytest.raises(DeclarationError, match=HERE + r"setting size has unit=\('J/k', 2\), but"):
+
+        class _(Settings, key="wrong"):
+            size = count(1, label="size", unit=("J/k", 2))
+
+
+def test_a_stage_that_draws_without_a_stream_is_named_where_its_draws_are_gathered():
+    drawn = few_stage(function=lambda size, rng: size, name="drawn")
+    mean = few_stage(Output("y"), function=lambda drawn, size: drawn, name="mean")
+    with pytest.raises(DeclarationError) as caught:
+        Experiment("few", "Few", (Few, Spring, drawn, replace(mean, gather=(Spring.mass,))))
+    assert re.match(
+        HERE + "stage mean does not need spring.mass; to let drawn, which takes rng, draw ",
+        str(caught.value),
+    )
+    assert str(caught.value).endswith("its stream: stream=Stream((..., spring.mass))")
 
 
 TABLES = [

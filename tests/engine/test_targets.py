@@ -27,6 +27,7 @@ from sweeps.engine.store.writing import write_store
         (Path("s3://x/y"), "must be a folder or a URL"),
         ("", "must be the name"),
         ("a\0b", "null byte"),
+        ("n" * 214, "File name too long"),
         ("dangling", "dangling symlink"),
         ("loop", "dangling symlink"),
         ("file", "no"),
@@ -83,9 +84,12 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
     assert os.listdir(tmp_path) == ["s.zarr"]
 
 
-def test_stores_and_caches_are_apart(tmp_path):
+def test_stores_caches_and_reports_are_apart(tmp_path):
     def apart(*names, cache="cache"):
-        check_targets([tmp_path / name for name in names], tmp_path / cache)
+        def beside(store):
+            return [store.with_name(f"{store.name.removesuffix('.zarr')}-tables")]
+
+        check_targets([tmp_path / name for name in names], tmp_path / cache, beside)
 
     def refused(sentence, *names, cache="cache"):
         with pytest.raises(ConfigurationError, match=sentence):
@@ -93,6 +97,9 @@ def test_stores_and_caches_are_apart(tmp_path):
 
     refused(r"^store is .*in the store '.*x\.zarr'$", "x.zarr", "x.zarr/a/b")
     refused("^cache is .* must not be in the store", "x.zarr", cache="x.zarr/cache")
+    refused("whose report would be written into the store '.*z-tables'", "z-tables", "z.zarr")
+    write_store(tmp_path / "y-tables", small(1), {})
+    refused("whose report would be written into the store '.*y-tables'", "y.zarr")
     apart("x.zarr", "w", cache="x-tables")
 
 

@@ -6,7 +6,6 @@ import errno
 import logging
 import os
 import re
-import shlex
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import nullcontext, suppress
@@ -41,6 +40,7 @@ from sweeps.engine.resolve.overrides import (
     error_message,
     fuse_jobs,
     make_job,
+    quote_for_shell,
     read_jobs,
     register,
 )
@@ -70,13 +70,14 @@ PlannedSweep = tuple[Plan, RunOptions]
 class Command:
     """The command line of an experiment; `report` is called with the store, choices and outcome.
 
-    By default, it prints the tables, the store, and commands that print more. `remarks` returns
-    lines on the sweep, printed before it starts. `imports` are modules of the report, imported
-    while workers start.
+    By default, it prints the tables, the store, and commands that print more. `report_paths`
+    returns the paths to which the report of a store writes. `remarks` returns lines on the sweep,
+    printed before it starts. `imports` are modules of the report, imported while workers start.
     """
 
     experiment: Experiment
     report: Report | None = None
+    report_paths: Callable[[Path], Iterable[Path]] = lambda store: ()
     remarks: Callable[[Choices], Iterable[str]] = lambda choices: ()
     imports: tuple[str, ...] = ()
 
@@ -197,7 +198,7 @@ class Command:
         with allow_interrupts():
             fused = fuse_jobs(self.experiment, checked)
             for cache in dict.fromkeys(choices.value(Run.cache) for choices, _ in fused):
-                check_targets(stores, self._cache_path(cache))
+                check_targets(stores, self._cache_path(cache), self.report_paths)
             for choices, store in fused:
                 options = self._run_options(choices, store)
                 with environment(choices.variables):
@@ -296,7 +297,9 @@ class Command:
         """Run one sweep and its report; return messages on failures."""
         base = path_beside(options.store)
         log = FailureLog(base.with_name(f"{base.name.removesuffix('.zarr')}-failures.log"))
-        with show_progress(self.name, log, options.store, options.cache) as callbacks:
+        with show_progress(
+            self.name, log, options.store, options.cache, record=not options.partial
+        ) as callbacks:
             finished = sweep(plan, options, callbacks)
         if options.partial:
             return []
@@ -325,7 +328,7 @@ class Command:
         path = os.path.relpath(store) if isinstance(store, Path) else store
         show(f"store   {path}")
         for entry in reports:
-            show(f"next    {entry.name} {shlex.quote(path)}")
+            show(f"next    {entry.name} {quote_for_shell(path)}")
 
     def _print_cache(self, path: PathOrUrl, limit: float | None) -> None:
         """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.

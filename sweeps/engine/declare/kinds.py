@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
 EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
+DECIMAL = r"[-+.\deE]+"  # pattern of a number
 STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than 1/this of its size lands on it
 Value = Any  # a float, int, str, bool, None, `Identified`, or a tuple of them
 
@@ -139,6 +141,17 @@ class Number(Kind):
     def _as_list(self, key: str, value: Any) -> list[Any]:
         read = _read_steps if isinstance(value, Mapping) else super()._as_list
         return read(key, value)
+
+    def _refusal(self, key: str, value: Any) -> str:
+        text = value if isinstance(value, str) else ""
+        if re.fullmatch(f"{DECIMAL}([ ;]+{DECIMAL})+", text):
+            hint = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
+        elif match := re.fullmatch(f"({DECIMAL}):({DECIMAL}):({DECIMAL})", text):
+            steps = "start: {}, stop: {}, step: {}".format(*match.groups())
+            hint = f"; steps are '{key}={{{steps}}}'"
+        else:
+            hint = ""
+        return super()._refusal(key, value) + hint
 
     def _read_value(self, value: Any) -> Value:
         return float(value) + 0.0  # -0.0 becomes 0.0, which equals it

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any, ClassVar, Self
 
-from sweeps.engine.declare.errors import ConfigurationError
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError, locate
 from sweeps.engine.declare.kinds import (
     Count,
     Draws,
@@ -107,6 +107,11 @@ class Setting:
             return tuple(map(self.in_si, value))
         return value * self.unit.si
 
+    @property
+    def message_name(self) -> str:
+        """Its name in messages."""
+        return self.key
+
     def override(self, values: Iterable[Value]) -> str:
         """Return the override that gives it some values."""
         return f"{self.key}=[{','.join(map(format_value, values))}]"
@@ -133,6 +138,14 @@ class Settings:
         settings: dict[Setting, Setting] = {}
         for name, value in list(vars(cls).items()):
             if isinstance(value, Setting):
+                if name in ("key", "declared"):
+                    problem = (
+                        f"setting {name} must have another name: every group has its own {name}"
+                    )
+                    raise DeclarationError(locate(cls, problem))
+                if not isinstance(value.unit, str):
+                    problem = f"setting {name} has unit={value.unit!r}, but must have a text"
+                    raise DeclarationError(locate(cls, f"{problem}, or Unit(SYMBOL, FACTOR)"))
                 class_options = {"role": role, "not_swept": not_swept}.items()
                 inherited: Any = {
                     option: default

@@ -217,6 +217,13 @@ class Stage:
                     f"stage {self.name} has {name!r} as {description}, but must have a tuple, "
                 )
                 raise DeclarationError(locate(self.function, f"{problem}with a comma: (NAME,)"))
+        for output in self.outputs:
+            if not isinstance(output.unit, str):
+                problem = (
+                    f"stage {self.name}: {output.name} has unit={output.unit!r}, "
+                    "but must have a text"
+                )
+                raise DeclarationError(locate(self.function, problem))
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
@@ -490,7 +497,7 @@ def _bind_stage(
     gather = tuple(setting.key for setting in declared.gather)
     whole_axes = {*along, *gather}
     if missing := whole_axes - needs:
-        message = f"stage {declared.name} does not need {', '.join(sorted(missing))}"
+        message = _unneeded_message(declared.name, missing, inputs)
         raise DeclarationError(locate(declared.function, message))
     for source in inputs:
         if not source.stage.is_cached and (shared := whole_axes & set(source.needs)):
@@ -501,6 +508,16 @@ def _bind_stage(
     cell_needs = tuple(sorted(needs.difference(gather)))
     random = RNG in declared.arguments
     return BoundStage(declared, arguments, cell_needs, inputs, declared.name, random, along, gather)
+
+
+def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundStage]) -> str:
+    """Return the message on axes of `along` or `gather` on which no input depends."""
+    listed = ", ".join(sorted(keys))
+    upstream = (bound for source in inputs for bound in (source, *source.inputs) if bound.random)
+    drawing = next((bound.name for bound in upstream), "")
+    hint = f"; to let {drawing}, which takes rng, draw anew for each, name the settings of its"
+    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
+    return f"stage {name} does not need {listed}{stream}"
 
 
 def value_token(value: Value) -> str:
@@ -583,6 +600,10 @@ def _find_stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     yield from _find_duplicates((output.name for output in stage.outputs), f"outputs of {subject}")
     if stage.group.path:
         yield from _check_group(subject, stage.group.path)
+    if stage.group.path == STATUS and _has_state(stage):
+        yield (
+            f"{subject} is in the group {STATUS!r}, which has states of cells; give it another one"
+        )
     for output in stage.outputs:
         for name in (output.name, *output.dims):
             yield from _check_name(subject, name)
@@ -594,6 +615,10 @@ def _find_stage_mistakes(stage: Stage, keys: Sequence[str]) -> Iterator[str]:
     yield from _find_unknown(f"{subject}: setting", [setting.key for setting in settings], keys)
     if stage.stream is not None and RNG not in stage.arguments:
         yield f"{subject} has a stream, but its function does not take {RNG}"
+    if stage.mode is Mode.IN_MEMORY and stage.keep < 1:
+        yield f"{subject} has keep={stage.keep}, but must keep at least 1 result"
+    if VALID in stage.arguments and not stage.gather:
+        yield f"{subject} takes {VALID}, but gathers nothing"
 
 
 def _check_dtype(subject: str, output: Output, stored: Any) -> Iterator[str]:

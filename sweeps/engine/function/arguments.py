@@ -37,6 +37,15 @@ class Argument(Setting):
         """See `Setting.attrs`."""
         return {**super().attrs, **self.extra_attributes}
 
+    @property
+    def message_name(self) -> str:
+        """See `Setting.message_name`."""
+        return f"values[{self.name!r}]"
+
+    def override(self, values: Iterable[Value]) -> str:
+        """See `Setting.override`."""
+        return f"values={{{self.name!r}: [{', '.join(map(_python_text, values))}], ...}}"
+
 
 def read_values(
     function: str, values: Any, attrs: Mapping[str, Mapping[str, Any]]

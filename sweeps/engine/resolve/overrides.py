@@ -11,6 +11,7 @@ import difflib
 import math
 import os
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,7 +26,7 @@ from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Sweep, Transformer
+from hydra.core.override_parser.types import ChoiceSweep, Override, RangeSweep, Sweep, Transformer
 from hydra.core.plugins import Plugins
 from hydra.errors import HydraException
 from hydra.plugins.search_path_plugin import SearchPathPlugin
@@ -33,7 +34,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sweeps.engine.declare.errors import ConfigurationError
-from sweeps.engine.declare.kinds import MAX_VALUES, Value, quote_value, sort_key
+from sweeps.engine.declare.kinds import MAX_VALUES, Value, format_value, quote_value, sort_key
 from sweeps.engine.declare.paths import PathOrUrl, path_or_url
 from sweeps.engine.declare.settings import (
     CLUSTERS,
@@ -50,6 +51,7 @@ from sweeps.engine.declare.stage import Experiment
 
 SCHEMA = "sweep_schema"
 LIST_OVER_MAPPING = "Cannot merge DictConfig with ListConfig"  # a message of OmegaConf
+WORD = r"[^\[\]{},:\s](?:[^\[\]{},:]*[^\[\]{},:\s])?"  # of a list or mapping
 SIMILARITY = 0.66  # least similarity of a suggested key
 
 
@@ -352,24 +354,49 @@ def _parse_overrides(
     loader = GlobalHydra.instance().config_loader()
     parser = OverridesParser.create(loader)
     overrides = []
-    for argument in arguments:
+    for number, argument in enumerate(arguments):
         key, _, value = argument.partition("=")
         if not key.lstrip("+~"):
             raise ConfigurationError(f"{argument} has no key, but must be KEY=VALUE")
         override = _try_parse(parser, argument)
         if override is None:
-            raise _syntax_error(experiment, parser, argument)
+            raise _syntax_error(experiment, parser, arguments[number:])
         parsed: Any = override.value()
-        is_list = isinstance(parsed, list)
-        is_swept = any(isinstance(part, Sweep) for part in (parsed if is_list else [parsed]))
-        if is_swept and (is_list or not several):
-            raise ConfigurationError(
-                f"{key} is {value}, but must be one value or a list, such as '{key}=[1,2]'; "
-                "-m sweeps over the values of a key"
-            )
+        parts = parsed if isinstance(parsed, list) else [parsed]
+        swept = [part for part in parts if isinstance(part, Sweep)]
+        if swept and (isinstance(parsed, list) or not several):
+            hints = []
+            if isinstance(swept[0], RangeSweep):
+                hints = [f"give steps, {quote_for_shell(f'{key}={_format_steps(swept[0])}')}"]
+            elif isinstance(parsed, ChoiceSweep) and parsed.simple_form:
+                text = quote_for_shell(f"{key}={_quote_for_hydra(value)}")
+                hints = [f"quote it, {quote_for_shell(f'{key}=[{value}]')}, or as a text, {text}"]
+            hints += [f"or sweep over it, -m {quote_for_shell(argument)}"] * (swept == [parsed])
+            hint = ": " * bool(hints) + "; ".join(hints)
+            raise ConfigurationError(f"{key} is {value}, but must be one value or a list{hint}")
         _check_key(experiment, loader, override)
         overrides.append(override)
     return overrides
+
+
+def _format_steps(swept: RangeSweep) -> str:
+    """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
+    values: list[Any] = [*islice(swept.range(), MAX_VALUES)] or [swept.start]
+    return format_value({"start": min(values), "stop": max(values), "step": abs(swept.step)})
+
+
+def quote_for_shell(text: str) -> str:
+    """Quote a word for a shell, if it needs quotes."""
+    plain_inside = "'" in text and not set(text) & set('$`"!\\')
+    return f'"{text}"' if plain_inside else shlex.quote(text)
+
+
+def _quote_for_hydra(text: str) -> str:
+    """Quote a text for Hydra."""
+    mark = '"' if "'" in text and '"' not in text else "'"
+    # Hydra halves backslashes before such a mark, also before the closing one.
+    text = re.sub(rf"(\\*){mark}", rf"\1\1\\{mark}", text)
+    return mark + re.sub(r"(\\+)\Z", r"\1\1", text) + mark
 
 
 def _try_parse(parser: OverridesParser, argument: str) -> Override | None:
@@ -381,18 +408,35 @@ def _try_parse(parser: OverridesParser, argument: str) -> Override | None:
 
 
 def _syntax_error(
-    experiment: Experiment, parser: OverridesParser, argument: str
+    experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
 ) -> ConfigurationError:
-    """Return the error of an argument that Hydra cannot read."""
-    key, equals, _ = argument.partition("=")
+    """Return the error of the first argument, which Hydra cannot read; others may continue it."""
+    candidates = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
+    pairs = (("[", "]"), ("{", "}"))
+    closed = (text for text in candidates if all(text.count(a) == text.count(b) for a, b in pairs))
+    argument = next(closed, arguments[0])
+    key, equals, value = argument.partition("=")
     if not equals:
         return ConfigurationError(f"{argument} has no value, but must be KEY=VALUE")
     if _try_parse(parser, f"{key}=1") is None:
         return unknown_key_error(experiment, nested(experiment.by_key), "", key)
+
+    def quote_word(word: re.Match[str]) -> str:
+        return word[0] if _try_parse(parser, f"x={word[0]}") else _quote_for_hydra(word[0])
+
+    if _try_parse(parser, argument) is None:
+        listed = value.startswith(("[", "{"))
+        argument = f"{key}={re.sub(WORD, quote_word, value) if listed else _quote_for_hydra(value)}"
+    override, setting = _try_parse(parser, argument), experiment.by_key.get(key.lstrip("+"))
+    if override is None:
+        return ConfigurationError(f"{arguments[0]} cannot be read, but must be KEY=VALUE")
+    try:
+        if setting is not None:
+            setting.values(override.value())
+    except ConfigurationError as error:
+        return error
     return ConfigurationError(
-        f"{argument} cannot be read, but must be KEY=VALUE; quote a list with spaces, "
-        "'KEY=[1, 2]', and twice a text with brackets, '=' or letters beyond ASCII, "
-        "\"KEY='größe.stl'\""
+        f"{arguments[0]} cannot be read: quote it, {quote_for_shell(argument)}"
     )
 
 

@@ -38,6 +38,9 @@ from sweeps.engine.run.shared import RequirementError, Requirements
 DASK_SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1GB",
     "distributed.admin.low-level-log-length": 0,  # each message has a whole task
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.tick.cycle": "5s",
+    "distributed.admin.tick.interval": "1s",
     "distributed.comm.timeouts.connect": "60s",
     "distributed.scheduler.allowed-failures": 1,
     "distributed.scheduler.http.routes": [],

@@ -6,16 +6,17 @@ thread, so that forking it is safe.
 
 from __future__ import annotations
 
+import ast
+import inspect
+import linecache
 import multiprocessing
 import os
-import re
 import signal
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.spawn import get_preparation_data
-from pathlib import Path
 
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.process import ONE_THREAD, environment
@@ -37,15 +38,26 @@ SERVER = "sweeps.engine.run.server"
 
 def check_guard() -> None:
     """Refuse to start workers from a script without a guard, since they would run it again."""
-    script = get_preparation_data("").get("init_main_from_path")
-    if not script or not os.path.isfile(script):
+    preparation = get_preparation_data("")
+    module = preparation.get("init_main_from_path") or preparation.get("init_main_from_name", "")
+    if not module or module.endswith(".__main__"):
         return  # a notebook, prompt or `python -m package`: workers run none of it
-    text = Path(script).read_text(encoding="utf-8", errors="replace")
-    if not re.search(r"^if\b.*(__name__|parent_process)", text, re.MULTILINE):
-        raise ConfigurationError(
-            f"cluster is local, whose workers run {Path(script).name} again; put its work under "
-            '`if __name__ == "__main__":`, or use inline'
-        )
+    frame = inspect.currentframe()
+    while frame and (frame.f_code.co_name, frame.f_globals["__name__"]) != ("<module>", "__main__"):
+        frame = frame.f_back
+    script = frame and frame.f_code.co_filename
+    if not frame or not script or not (text := "".join(linecache.getlines(script))):
+        return
+    line = frame.f_lineno
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.If) and node.lineno <= line <= (node.end_lineno or line):
+            test = ast.unparse(node.test)
+            if "__name__" in test or "parent_process" in test:
+                return
+    raise ConfigurationError(
+        f"cluster is local, whose workers run {os.path.basename(script)} again, but line {line} of "
+        'it is not guarded; put it under `if __name__ == "__main__":`, or use inline'
+    )
 
 
 def preloaded_modules(modules: Iterable[str]) -> list[str]:

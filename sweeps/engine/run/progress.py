@@ -34,14 +34,14 @@ MIN_LISTED_SECONDS = 0.05  # s
 
 @contextmanager
 def show_progress(
-    name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl
+    name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, *, record: bool = True
 ) -> Iterator[Callbacks]:
     """Show the progress of a sweep on stderr, in lines that begin with the `name`.
 
-    The first failures are shown, and all are logged. Its state is also written into the cache, at
-    most every second; errors of writing it are ignored.
+    The first failures are shown, and all are logged. With `record`, its state is also written into
+    the cache, at most every second; errors of writing it are ignored.
     """
-    view = _ProgressView(name, log, store, cache)
+    view = _ProgressView(name, log, store, cache, record)
     with view.live:
         try:
             yield Callbacks(view.say, view.update, view.report_failure)
@@ -53,10 +53,12 @@ def show_progress(
 class _ProgressView:
     """Display and record of a running sweep."""
 
-    def __init__(self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl) -> None:
+    def __init__(
+        self, name: str, log: FailureLog, store: PathOrUrl, cache: PathOrUrl, record: bool
+    ) -> None:
         from rich.live import Live
 
-        self.name, self.log = name, log
+        self.name, self.log, self.record = name, log, record
         self.states, self.file = open_states(cache, create=True), state_name(store)
         self.next_save = 0.0
         self.state: dict[str, Any] = {"process": os.getpid(), "begun": time.time()}
@@ -108,7 +110,7 @@ class _ProgressView:
             self.say(", ".join([*parts, remaining] if remaining else parts) or "finishing")
 
     def write(self) -> None:
-        if self.schedule is not None:
+        if self.record and self.schedule is not None:
             work, stages = self.schedule.remaining_seconds(), self.schedule.progress.items()
             numbers = {
                 name: [*astuple(progress), work[name]]

@@ -362,9 +362,15 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
         return objects[key]
     while len(objects) >= batch.stage.keep:
         objects.popitem(last=False)
-    inputs = next(_prefetch_inputs(batch, packs, number))
-    arguments = _read_arguments(batch, number, inputs, packs)
-    objects[key] = new_object = batch.stage.resolved_function(**arguments)
+    # Inputs are prefetched for the objects that follow in the same batch.
+    prefetched = vars(_prefetched)
+    latest_batch, next_number, inputs = prefetched.get(batch.stage.import_path, (None, 0, None))
+    if latest_batch is not batch or next_number != number:
+        inputs = _prefetch_inputs(batch, packs, number)
+    prefetched[batch.stage.import_path] = batch, number + 1, inputs
+    objects[key] = new_object = batch.stage.resolved_function(
+        **_read_arguments(batch, number, next(inputs), packs)
+    )
     return new_object
 
 
@@ -423,12 +429,14 @@ class GatheredArray:
         }
 
 
-_objects = threading.local()  # by function
+# By function: its objects, and the latest batch with its prefetched inputs.
+_objects, _prefetched = threading.local(), threading.local()
 
 
 def drop_objects() -> None:
-    """Drop all in-memory objects of this thread."""
-    vars(_objects).clear()
+    """Drop all in-memory objects of this thread, and their prefetched inputs."""
+    for local in (_objects, _prefetched):
+        vars(local).clear()
 
 
 # results of a call --------------------------------------------------------------------------------

@@ -178,7 +178,7 @@ def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], pla
             union = sorted({*stored, *requested}, key=lambda value: (value is None, value))
             advice = f"give {setting.override(union)} to have both, or another store"
         raise ConfigurationError(
-            f"{setting.key} is {', '.join(map(format_value, requested))}, but the store "
+            f"{setting.message_name} is {', '.join(map(format_value, requested))}, but the store "
             f"{path!r} has {', '.join(map(format_value, missing))}: {advice}"
         )
     texts = replace(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
-from collections.abc import Iterable, Iterator, Mapping
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -19,7 +22,7 @@ from xarray.core.indexing import (
 
 from sweeps.engine.cache.packs import raise_resource_error
 from sweeps.engine.declare.display import ATTRIBUTE
-from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.errors import DeclarationError, locate
 from sweeps.engine.declare.failures import RAISED, Failure, format_traceback, one_line
 from sweeps.engine.declare.paths import PathOrUrl
 from sweeps.engine.declare.settings import Choices
@@ -68,10 +71,23 @@ def _make_table(
     if not isinstance(dataset, xr.Dataset | None):
         kind = type(dataset).__name__
         raise TypeError(f"its function returned a {kind}, but must return a data set or None")
+    if dataset is None and not _returns_value(table.make):
+        sentence = "its function has no return, but must return a data set or None"
+        raise TypeError(locate(table.make, sentence))
     if dataset is not None and table.displays:
         displays = [display.as_attribute(choices) for display in table.displays]
         return dataset.assign_attrs({ATTRIBUTE: displays})
     return dataset
+
+
+def _returns_value(function: Callable[..., Any]) -> bool:
+    """Return whether a function returns a value anywhere; True if its source is unknown."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, SyntaxError):
+        return True
+    returns = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return)]
+    return any(returns) or not isinstance(tree.body[0], ast.FunctionDef)
 
 
 def format_tables(path: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:

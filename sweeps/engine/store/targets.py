@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from sweeps.engine.declare.paths import (
     ancestors,
     is_private,
     join,
+    path_beside,
     path_or_url,
     resolve_path,
 )
@@ -23,6 +24,7 @@ from sweeps.engine.store.arrays import METADATA
 from sweeps.engine.store.manifest import read_manifest, refuse_foreign
 
 ZARR_FILES = (METADATA, ".zgroup", ".zarray")  # files that only a folder of zarr has
+LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # as long as any name beside a store
 
 
 def check_store_path(path: PathOrUrl) -> None:
@@ -51,12 +53,29 @@ def check_cache_path(path: PathOrUrl) -> None:
             raise _path_error("cache", path, f"{reason}: chmod go-w, or give another folder")
 
 
-def check_targets(stores: Collection[PathOrUrl], cache: PathOrUrl) -> None:
-    """Refuse stores and a cache that are unusable or nested."""
+def check_targets(
+    stores: Collection[PathOrUrl],
+    cache: PathOrUrl,
+    report_paths: Callable[[Path], Iterable[Path]] = lambda store: (),
+) -> None:
+    """Refuse stores and a cache that are unusable, nested, or in the way of a report.
+
+    `report_paths` returns the paths that the report of a store writes to; one may be an existing
+    store.
+    """
     for path in stores:
         check_store_path(path)
     check_cache_path(cache)
     stores_by_path = {resolve_path(path): path for path in stores}
+    reports: dict[Path, PathOrUrl] = {}
+    for path in stores_by_path.values():
+        for report in report_paths(path_beside(path)):
+            if resolve_path(report) in stores_by_path or is_store(report):
+                reason = f"whose report would be written into the store {str(report)!r}"
+                raise _path_error("store", path, f"{reason}; give another path")
+            if (other := reports.setdefault(report, path)) != path:
+                reason = f"whose report would replace that of {str(other)!r}"
+                raise _path_error("store", path, f"{reason}; give another name")
     for key, path in (("cache", cache), *(("store", path) for path in stores_by_path.values())):
         resolved = resolve_path(path)
         outside = [resolved, *ancestors(resolved)][key == "store" :]
@@ -94,7 +113,11 @@ def _resolve_folder(key: str, value: PathOrUrl, path: Path, *, inside: bool) -> 
     try:
         resolved = Path(os.path.realpath(path))
         with suppress(FileNotFoundError, NotADirectoryError):
-            os.lstat(resolved)
+            os.lstat(
+                resolved.with_name(LONGEST_NAME.format(resolved.name))
+                if resolved.name
+                else resolved
+            )
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise _path_error(key, value, f"which cannot be used: {reason}") from error
