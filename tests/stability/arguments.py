@@ -137,7 +137,7 @@ KINDS = [
     ),
     (
         "across band_extinction clutter extinction jitter nedt "
-        "range_sigma sea_spread ship_speed speed spread target_spread",
+        "range_sigma sea_spread ship_speed spread target_spread",
         [-0.1, NAN, INF, *NO_NUMBER],
     ),
     (
@@ -146,14 +146,13 @@ KINDS = [
         ["magic"],
     ),
     ("contrast contrast_at_zero roll", [NAN, INF]),
-    ("aircraft_heading heading offset ship_heading", [NAN, INF, "north", [3.0]]),
+    ("aircraft_heading offset ship_heading", [NAN, INF, "north", [3.0]]),
     ("aircraft_track pointing", [361, -361, NAN]),
     ("sea_sigma target_sigma", [0.0, -1.0, None, NAN]),
     ("band_start band_stop", [0, 1e30, NAN]),
 ]
 WRONG = {name: values for names, values in KINDS for name in names.split()} | {
     "a": [np.ones(4)],
-    "aircraft": [[5], None],
     "aircraft_speed": [-1, NAN],
     "aspect": [NAN, INF, math.nextafter(360.0, 361.0), -361.0, [], [[1.0]], "bow"],
     "aspects": [[], [[0.0]], [-1.0], [361.0]],

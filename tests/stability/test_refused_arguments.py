@@ -1,10 +1,11 @@
 """Invalid arguments are refused in one line that names the argument and its value."""
 
+import inspect
 import re
 
 import numpy as np
 import pytest
-from arguments import GOOD, found, refused
+from arguments import GOOD, OTHERS, WRONG, found, refused
 
 from ncti import classify, evaluate
 
@@ -24,6 +25,11 @@ def test_a_wrong_argument_is_named_with_its_value(path):
         if isinstance(value, float | str):
             shown = {str(value)} if isinstance(value, str) else {str(value), f"{value:g}"}
             assert any(text in said for text in shown), (name, value, said)
+
+
+def test_every_wrong_value_is_of_an_argument():
+    taken = {name for path in GOOD for name in inspect.signature(found(path)).parameters}
+    assert set(WRONG) <= taken and set(OTHERS) <= set(GOOD)
 
 
 # Values that are no array of the right kind
