@@ -220,8 +220,8 @@ def snr(
     Raises
     ------
     ValueError
-        If a range is negative, a frame count is not a whole number of at least 1, or the noise is
-        not above zero.
+        If a range is negative, a frame count is not a whole number of at least 1, the noise is
+        zero, or too small beside the contrast for the ratio to be a finite number.
 
     See Also
     --------
@@ -256,7 +256,14 @@ def snr(
     require_all("nedt", nedt, positive=True)
     signal = contrast(slant_range, contrast_at_zero=contrast_at_zero, extinction=extinction)
     noise = noise_temperature(np.asarray(frame_count), nedt=nedt)
-    return float_or_array((np.asarray(signal) / np.asarray(noise)) ** 2)
+    with np.errstate(over="ignore"):
+        ratio = (np.asarray(signal) / np.asarray(noise)) ** 2
+    if not np.isfinite(ratio).all():
+        raise ValueError(
+            f"contrast_at_zero is {contrast_at_zero!r} and nedt {nedt!r}, but the square of their "
+            "ratio must be a finite number"
+        )
+    return float_or_array(ratio)
 
 
 def float_or_array(values: NDArray[np.float64] | np.float64) -> Any:

@@ -1,6 +1,7 @@
 """Whole sweeps give the right numbers, the same store for all workers, and compute cells once."""
 
 import math
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -83,6 +84,23 @@ def test_equal_cells_are_computed_once_and_parents_shared(tmp_path):
     again = go(tmp_path / "s.zarr")
     assert not CALLS and not again.written
     assert all(progress.reused == progress.total for progress in again.progress.values())
+
+
+@stage(Output("square", label="square"), uses=(Few,), group=Group("squares"))
+def square(size):
+    """Return the square of a number, and count the call."""
+    CALLS["square"] += 1
+    return float(size**2)
+
+
+def test_stages_of_one_function_share_results_of_equal_keys(tmp_path):
+    CALLS.clear()
+    same = replace(square, name="same", group=Group("same"))
+    run_few([square, same], tmp_path / "s.zarr")
+    assert CALLS["square"] == 3
+    first, second = (opened(tmp_path / "s.zarr", group) for group in ("squares", "same"))
+    np.testing.assert_array_equal(first.square, [1, 4, 9])
+    np.testing.assert_array_equal(second.square, first.square)
 
 
 def test_local_workers_make_the_same_store(store, tmp_path):

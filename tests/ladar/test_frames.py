@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from ncti import ladar
-from ncti.ladar.pulse import Pulse, target_kernel
+from ncti.ladar.pulse import Pulse, noise_covariance, target_kernel
 from ncti.normals import draw_key, draw_places, put_streams
 
 COUNTS = st.integers(1, 100)
@@ -156,6 +156,24 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
     ours = ladar.sample_frames(target, frame_count=5, rng=np.random.default_rng(8), **parameters)
     plain = plain_frames(target, 5, rng=np.random.default_rng(8), **parameters)
     assert_equal_but_for_rounding(ours, plain)
+
+
+@pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 30e-9, 1e-6])
+@pytest.mark.parametrize("bins", [1, 2, 7, 250, 1001])
+def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
+    """The factor has as many rows as eigenvectors, within two, and the same covariance.
+
+    Either drops at most 1e-6 of the largest eigenvalue, the pivoted decomposition at most a tenth
+    of that in addition, and both round to float32.
+    """
+    pulse = Pulse(pulse_width, 1.0)
+    factor = whole_factor(ladar.fields.Noise.of(pulse, bins))
+    covariance = noise_covariance(pulse, bins)
+    values = np.linalg.eigvalsh(covariance)
+    error = np.abs(np.linalg.eigvalsh(factor.T @ factor - covariance)).max()
+    assert error < (1.1e-6 + 4 * np.finfo(np.float32).eps) * values[-1]
+    # Even and odd rows have different largest eigenvalues, hence different cut-offs.
+    assert abs(len(factor) - np.count_nonzero(values > 1e-6 * values[-1])) <= 2
 
 
 def test_fine_bins_take_no_more_normals():

@@ -1,11 +1,13 @@
 """First- and peak-pulse receivers keep the right pulses, at the stated false-alarm rate."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plates import plane
 from scipy import stats
 
-from ncti.ladar import expected_profile, range_extent
+from ncti.ladar import expected_profile, range_extent, sample_frames
 from ncti.ladar.receivers import detect
 
 CNR = 10**3.2
@@ -32,3 +34,14 @@ def test_a_face_square_on_is_one_spike_for_each_ifov(receiver):
     profile = expected_profile(extent, pulse_width=30e-9, cnr=CNR, receiver=receiver)
     assert np.count_nonzero(profile) == 1
     assert abs(int(np.argmax(profile)) - 125) <= 6
+
+
+def test_false_alarm_rate_of_the_first_pulse_threshold():
+    """Binomial test at 1e-3 of a 1 % rate over 60,000 frames of one noisy bin of one IFOV."""
+    extent = range_extent(plane(width=4, height=4), slant_range=1e5, window=40.0)
+    extent = replace(extent, fraction=extent.fraction[:1], cell=extent.cell[:1])
+    frames = sample_frames(
+        extent, pulse_width=10e-9, cnr=0.0, frame_count=60_000, rng=np.random.default_rng(3)
+    )
+    alarms = np.count_nonzero(detect(frames[:, [10]], receiver="first_pulse", false_alarm=0.01))
+    assert stats.binomtest(alarms, 60_000, 0.01).pvalue > 1e-3

@@ -261,16 +261,24 @@ class Schedule:
             needed_cells[bound][:] = True
             plan.fingerprint(bound)  # kept; the keys are dropped below
         missing: dict[BoundStage, Cells] = {}
+        ranges: dict[str, list[range]] = defaultdict(list)  # results by code of their function
         for bound in reversed(plan.bound.values()):  # each before its inputs
             cells = np.flatnonzero(needed_cells[bound])
             if bound.stage.is_cached and cells.size:
-                cells = self._number_results(bound, cells)
+                cells = self._number_results(bound, cells, ranges[plan.identity[bound.name]])
                 missing[bound] = cells
             for inputs in plan.computed_inputs(bound):
                 needed_cells[inputs.source][inputs.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._unfinished = Counter({bound: len(cells) for bound, cells in self._missing.items()})
-        self._producers = {bound: self._producer_stages(bound) for bound in self._missing}
+        maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
+        for number, (bound, cells) in enumerate(self._missing.items()):
+            maker[self.results[bound][cells]] = number
+        stages = [*self._missing]
+        made_by = {bound: self._producer_stages(bound, maker) for bound in stages}
+        self._producers = {
+            bound: [stages[n] for n in numbers if n >= 0] for bound, numbers in made_by.items()
+        }
         # Every stage with missing cells, their number, and the number of calls.
         self.missing_cells = [
             (
@@ -284,34 +292,48 @@ class Schedule:
         self._calls = CallQueue(plan)
         self._queue_ready()
 
-    def _producer_stages(self, bound: BoundStage) -> set[BoundStage]:
-        """Return the stages on disk that make the inputs of a stage and of its objects."""
-        producers: set[BoundStage] = set()
+    def _producer_stages(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
+        """Return the numbers of the stages that make the inputs of a stage and of its objects."""
+        makers: set[int] = set()
         for source, *_ in self.plan.computed_inputs(bound):
-            producers |= {source} if source.stage.is_cached else self._producer_stages(source)
-        return producers
+            if source.stage.is_cached:
+                results = self.results[source]
+                counts = np.bincount(maker[results[results >= 0]] + 1)
+                makers |= {*(np.flatnonzero(counts) - 1).tolist()}
+            else:
+                makers |= self._producer_stages(source, maker)
+        return makers
 
-    def _number_results(self, bound: BoundStage, cells: Cells) -> Cells:
+    def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
         """Number the results of cells; return one cell of each missing result.
 
-        Cells of equal keys share a result.
+        Cells of equal keys share a result, also with other stages of the same function, whose
+        results are in the `earlier` ranges.
         """
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
         self.plan.drop_keys(bound)  # `keys` refers to them
-        first, number = unique_keys(keys)
+        prior = np.array([result for results in earlier for result in results], dtype=np.int32)
+        first, number = unique_keys(concatenate(self.locations.keys[prior], keys))
+        reused, new = prior[first[first < len(prior)]], first[first >= len(prior)] - len(prior)
+        begin = len(self.locations)
+        numbers = concatenate(reused, np.arange(begin, begin + len(new), dtype=np.int32))
         results = np.full(self.plan.count(bound), -1, dtype=np.int32)
-        results[cells] = len(self.locations) + number
+        results[cells] = numbers[number[len(prior) :]]
         self.results[bound] = results
-        cached = self._index.find(keys[first] if len(first) < len(keys) else keys)
-        absent = cells[first[~cached.present]]
+        earlier.append(range(begin, begin + len(new)))
+        new_keys = keys[new] if len(new) < len(keys) else keys
+        cached = self._index.find(new_keys)
+        absent = cells[new[~cached.present]]
         self.locations = Locations(
             cached.paths,
             concatenate(self.locations.pack, cached.pack),
             concatenate(self.locations.row, cached.row),
             concatenate(self.locations.keys, cached.keys),
         )
-        self.progress[bound.name] = Progress(len(first), len(first) - len(absent))
+        # Results that another stage computes are counted there.
+        total = len(new) + int(self.locations.present[reused].sum())
+        self.progress[bound.name] = Progress(total, total - len(absent))
         return absent
 
     # stages that become ready ---------------------------------------------------------------
