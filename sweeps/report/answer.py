@@ -35,7 +35,7 @@ def answer_table(frame: Frame, swept: Sequence[str], width: int) -> TextTable:
     candidates = rank_candidates(frame, axis)
     if len(candidates) < 2:
         frame = _add_second_axis(frame, axis)
-        table = _figure_table(frame, axis)
+        table = _figure_table(frame, [axis] * bool(axis))
     elif any(candidate.axis for candidate in candidates):
         table = _axis_table(frame, axis, candidates)
     else:
@@ -96,16 +96,18 @@ def _candidate_table(frame: Frame, candidates: Sequence[Candidate]) -> TextTable
     names = list(dict.fromkeys(name for candidate in candidates for name in candidate.of))
     words = ", ".join(frame.columns[name].words for name in names)
     column = replace(frame.columns[names[0]], words=words, unit="")
-    table = lay_out(_select_overall(select_main(frame, names)).keep_axes([*names, frame.across]))
+    table = _figure_table(frame, names)
     by_name = {", ".join(filter(None, line.keys)): line for line in table.lines}
     lines = [replace(by_name[c.name], keys=(c.name,)) for c in candidates if c.name in by_name]
-    return replace(table, lines=tuple(lines), down=(column,), notes=())
+    return replace(table, lines=tuple(lines), down=(column,))
 
 
-def _figure_table(frame: Frame, axis: str) -> TextTable:
-    """Return the figures by an axis, or the main one by the axis across."""
-    overall = _select_overall(select_main(frame, [axis] * bool(axis)))
-    return replace(lay_out(overall.keep_axes([axis, overall.across])), notes=())
+def _figure_table(frame: Frame, axes: Sequence[str]) -> TextTable:
+    """Return the figures by some axes, or the main one by the axis across, too."""
+    selected = select_main(frame, axes)
+    if selected.has_overall:
+        selected = selected.select(selected.across, OVERALL)
+    return replace(lay_out(selected.keep_axes([*axes, selected.across])), notes=())
 
 
 def _add_second_axis(frame: Frame, axis: str) -> Frame:
@@ -115,11 +117,6 @@ def _add_second_axis(frame: Frame, axis: str) -> Frame:
     candidates = [name for name in frame.varying_axes if name not in (axis, *frame.down)]
     short_axes = [name for name in candidates if frame.rows[name].nunique() <= MAX_COLUMNS]
     return replace(frame, across=next(iter(short_axes), ""))
-
-
-def _select_overall(frame: Frame) -> Frame:
-    """Return a frame at the overall value of its axis across, if it has one."""
-    return frame.select(frame.across, OVERALL) if frame.has_overall else frame
 
 
 def _omission_note(table: TextTable, frame: Frame, axis: str) -> str:

@@ -96,18 +96,6 @@ def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
     assert set(of_fusion.channel) == {"range", "infrared", "both"}
 
 
-def test_groups_of_one_table_are_stacked_and_chance_stands_in_every_row(tmp_path):
-    acn, oracle = scores(1, frame_count=[4, 16]), scores(2, cnr=[20.0, 30.0])
-    path = stored(
-        tmp_path / "s.zarr", tables__acn=displayed(acn), tables__oracle=displayed(oracle, "oracle")
-    )
-    table = read_frames(path)["scores"]
-    assert set(table.rows.classifier) == {"acn", "oracle"}
-    assert table.rows.cnr_db.isna().sum() == 6
-    assert (table.rows.percent_correct_by_chance == 25).all()
-    assert table.rows.frame_count.dropna().unique().tolist() == [4, 16]
-
-
 def test_a_table_of_anyone_needs_no_display(tmp_path):
     table = xr.Dataset(
         {
