@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from ncti.ladar.window import check_window
 from ncti.machine_code import compiling_ahead
 from ncti.render.flight import DEPRESSION
 from ncti.render.loops import PIECES
+from ncti.render.surfaces import Surfaces
 from ncti.render.view import View
 from ncti.simulate.subject import (
     SPACING,
@@ -39,11 +41,15 @@ from ncti.simulate.subject import (
 if TYPE_CHECKING:
     import xarray as xr
 
+    from ncti.ships.shape import Mesh
 
 Floats = NDArray[np.float64]
 
 MAX_PULSE_WIDTH = 1e-6
 """Longest pulse [s], as in sweeps."""
+
+MAX_PLACES = 2**28
+"""Most range bins of all IFOVs of the box around a ship; a view then takes up to 2 GB."""
 
 
 def range_profile(
@@ -160,7 +166,7 @@ def range_profile(
         mesh = read_ship(ship)
         sight: dict[str, Any] = {"depression": depression, "slant_range": slant_range}
         views = [View.checked(aspect=a, roll=roll_at(a), **sight) for a in aspects]
-        check_window(beam.window, mesh, pulse_width=pulse_width)
+        _check_fits(mesh, views, beam, pulse_width)
         fine = {"tolerance": accuracy, "pulse_width": pulse_width, "spacing": SPACING}
         extents = [extent_within(mesh, view, beam=beam, **fine) for view in views]
     averaged, expected = [], []
@@ -224,3 +230,24 @@ def pulse_bounds(bin_width: float) -> tuple[float, float]:
     """Return the shortest and the longest pulse [s] for range bins of a width [m]."""
     shortest = shortest_pulse(bin_width) * (1 - 1e-9)  # a margin for rounding
     return shortest, max(MAX_PULSE_WIDTH, shortest)
+
+
+def _check_fits(mesh: Mesh, views: Sequence[View], beam: Beam, pulse_width: float) -> None:
+    """Raise `ValueError` if a ship does not fit into the window, or its IFOVs into memory."""
+    check_window(beam.window, mesh, pulse_width=pulse_width)
+    for view in views:
+        level = replace(view, roll=0.0)  # as IFOVs are
+        _check_memory(mesh, level, beam.ifov, bins_of(beam.window, beam.bin_width)[1])
+
+
+def _check_memory(mesh: Mesh, view: View, ifov: float, bins: int) -> None:
+    """Raise `ValueError` if a ship covers too many IFOVs for `bins` range bins."""
+    across, up, depth = np.abs(view.axes) @ Surfaces.of(mesh).size
+    nearest = float(view.slant_range or 0.0) - depth / 2
+    places = bins * across * up / (ifov * nearest) ** 2
+    if nearest > 0 and places > MAX_PLACES:  # ships that reach the sensor are refused elsewhere
+        narrowest = ifov * math.sqrt(places / MAX_PLACES)
+        raise ValueError(
+            f"ifov is {ifov!r} rad, but must be at least {narrowest:.2g} rad for {bins} range bins "
+            f"of a ship of {across:.0f} m by {up:.0f} m at {view.slant_range:g} m"
+        )

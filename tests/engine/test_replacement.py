@@ -6,6 +6,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 
@@ -201,3 +202,30 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
         assert (opened(path, "g")["x"] == values[rows]).all()
         assert len(inodes()) == len(rows)
         assert new == everything or inodes() >= before
+
+
+def test_readers_of_a_growing_store_never_see_two(place):
+    path = below(place, "s.zarr")
+    write_store(path, grown(1), {})
+    done = threading.Event()
+
+    def grow():
+        try:
+            for rows in range(2, 14):
+                write_store(path, grown(rows), {})
+                time.sleep(0.05)  # a reader must reopen the store after two changes
+        finally:
+            done.set()
+
+    writer = threading.Thread(target=grow)
+    writer.start()
+    states, before = set(), xr.open_zarr(zarr_store(path), group="one", chunks=None)
+    while not done.is_set():
+        dataset = xr.open_zarr(zarr_store(path), group="one", chunks=None).load()
+        rows = dataset.sizes["ship"]
+        np.testing.assert_array_equal(dataset["x"], np.add.outer(np.arange(rows), np.zeros(6)))
+        assert dataset["note"] == rows
+        states.add(rows)
+    writer.join()
+    assert len(states) > 1
+    np.testing.assert_array_equal(before["x"], np.zeros((1, 6)))  # its chunks are still in place

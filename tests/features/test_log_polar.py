@@ -211,3 +211,13 @@ def test_cells_of_maps_are_at_their_middles():
     angle, radius = map_cells()
     assert angle[:2].tolist() == [2.8125, 8.4375] and angle[-1] == 360 - angle[0]
     np.testing.assert_allclose([radius[0], radius[-1]], [0.5 / radius.size, 1 - 0.5 / radius.size])
+
+
+@pytest.mark.parametrize("name", ncti.ships.names())
+@pytest.mark.parametrize("angle", [0.0, 17.0, 133.3, -61.0])
+def test_rotation_is_recovered(name, angle):
+    before = log_polar(seen(name, 75.0))
+    after = log_polar(seen(name, 75.0, Change((0.4, 0.1), 1.3, angle)))
+    _, rotation = cyclic_similarity(after, before)
+    # Shifts are 0.7 deg apart; an angle of the map is 5.6 deg.
+    assert abs(rotation - angle) <= 0.75

@@ -81,3 +81,36 @@ def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
     # an outline's part in a pixel meets side / 0.25 lines: errors fall with their 3/2 power
     assert np.sqrt(np.mean(error**2)) < 0.001 * (3.75 / side) ** 1.5
     assert image.coverage.sum() * side**2 == pytest.approx(lines.area.sum(), rel=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 3000),
+    footprint=st.floats(0.3, 60),
+    phase=phases,
+    margin=st.integers(0, 5),
+    slack=st.one_of(st.none(), st.floats(0, 50)),
+)
+def test_area_is_conserved(seed, count, footprint, phase, margin, slack):
+    rng = np.random.default_rng(seed)
+    horizontal, vertical = rng.uniform(-90, 90, count), rng.uniform(-10, 40, count)
+    extent = slack if slack is None else (-90 - slack, 90 + slack, -10 - slack, 40 + slack)
+    outline = coverage_of(
+        horizontal,
+        vertical,
+        area=0.07,
+        footprint=footprint,
+        phase=phase,
+        margin=margin,
+        extent=extent,
+    )
+    # A sum of counts, exact, times one constant: two roundings, and as many in the sum as pixels.
+    rounding = (2 + outline.coverage.size) * 2.3e-16
+    assert outline.coverage.sum() * footprint**2 == pytest.approx(0.07 * count, rel=rounding)
+    # The first moment shows that the area is in place, to half a pixel at most.
+    cols = outline.origin[0] + footprint * np.arange(outline.coverage.shape[1])
+    rows = outline.origin[1] + footprint * np.arange(outline.coverage.shape[0])
+    share = outline.coverage / outline.coverage.sum()
+    assert abs((share.sum(0) * cols).sum() - horizontal.mean()) <= footprint / 2 * (1 + 1e-9)
+    assert abs((share.sum(1) * rows).sum() - vertical.mean()) <= footprint / 2 * (1 + 1e-9)

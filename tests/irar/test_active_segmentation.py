@@ -7,7 +7,8 @@ import pytest
 from flown import flight
 from scipy import optimize, stats
 
-from ncti.irar.chain import sea_level
+from ncti.irar.chain import FALSE_ALARM, sea_level
+from ncti.irar.looks import average
 from ncti.irar.receiver import peaks
 from ncti.irar.scene import Returns
 from ncti.irar.segmentation import noise_threshold
@@ -71,3 +72,34 @@ def test_the_sea_reaches_its_level_as_seldom_as_stated(change):
     level = sea_level(np.array(30), flown)
     alarms = np.count_nonzero(intensity.mean(axis=1, dtype=float) >= level)
     assert stats.binomtest(alarms, len(intensity), 1e-3).pvalue > 1e-3 / 4
+
+
+@pytest.mark.parametrize("looks", [1, 30])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        *({"range_gate": depth} for depth in (50.0, 2000.0)),
+        *({"pulse_width": width} for width in (10e-9, 100e-9)),
+        *({"threshold": least} for least in (0.0, 8.0, 12.0)),
+    ],
+)
+def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change, looks):
+    """Binomial test of 50,000 averages of simulated looks at the sea, 1e-3 over the 16 cases."""
+    flown = flight(**change)
+    shape = (50_000, looks)
+    nothing = Returns(shape, *[np.empty(0, np.intp)] * 2, *[np.empty(0)] * 2, 9)
+    speckle = np.empty((*shape, 0), np.complex64)
+    rng = np.random.default_rng(looks)
+    intensity, _ = peaks(nothing, speckle, np.full(shape, 3900.0), flight=flown, rng=rng)
+    index = np.arange(intensity.size).reshape(-1, 1, looks)
+    least = noise_threshold(
+        np.array(looks),
+        depth=flown.range_gate,
+        pulse_length=flown.pulse_length,
+        dropout=flown.threshold,
+        false_alarm=FALSE_ALARM,
+    )
+    image = average(intensity, index)
+    alarms = np.count_nonzero(image >= least)
+    assert stats.binomtest(alarms, image.size, 1e-3).pvalue > 1e-3 / 16  # one pixel in a thousand

@@ -7,7 +7,7 @@ import trimesh
 import ncti.ships
 from ncti.ladar import range_extent
 from ncti.ladar.sampling import pixel_error
-from ncti.render import line_image, range_image
+from ncti.render import RangeImage, line_image, range_image
 from studies.run_time.accuracy import extent_errors
 
 VIEWS = [
@@ -82,3 +82,31 @@ def test_slopes_that_are_not_numbers_show_in_the_extent():
     image = range_image(trimesh.creation.box(), pixel=0.5, aspect=0, depression=0, engine="embree")
     image.gradient[image.hit] = np.nan
     assert np.isnan(extent(image, 1e5).fraction).any()
+
+
+def every_second(image, row, column):
+    """Return the image of every second row and column, with pixels twice as wide."""
+    return RangeImage(
+        image.down_range[row::2, column::2],
+        image.gradient[row::2, column::2],
+        2 * image.pixel,
+        (image.origin[0] + column * image.pixel, image.origin[1] + row * image.pixel),
+        image.aspect,
+        image.depression,
+        image.roll,
+        image.slant_range,
+    )
+
+
+@pytest.mark.parametrize("reflectance", ["projected_area", "lambertian"])
+def test_strands_are_the_extents_of_every_second_row_and_column(reflectance):
+    name, aspect, depression, slant_range = VIEWS[1]
+    view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
+    image = range_image(ncti.ships.load(name), pixel=0.5, engine="embree", **view)
+    pixelated = extent(image, slant_range, reflectance=reflectance)
+    parts = [(row, column) for row in (0, 1) for column in (0, 1)]
+    assert len(pixelated.strands) == len(parts)
+    for strand, offset in zip(pixelated.strands, parts, strict=True):
+        sparse = extent(every_second(image, *offset), slant_range, reflectance=reflectance)
+        quarter = sparse.fraction.sum(axis=0) / 4
+        np.testing.assert_allclose(strand, quarter, atol=1e-9 * quarter.max())

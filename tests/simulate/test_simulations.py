@@ -148,3 +148,10 @@ def test_the_narrowest_beam_that_a_refusal_allows_is_taken():
     """In floating point 1e-6 times 100 km is slightly less than 0.1 m."""
     small = trimesh.creation.box((4.0, 4.0, 3.0))
     assert profile(small, ifov=1e-6, frames=1, accuracy=0.1).attrs["ifov_urad"] == 1.0
+
+
+def test_a_ship_of_too_many_beams_is_refused_before_it_is_drawn(monkeypatch):
+    monkeypatch.setattr("ncti.simulate.profiles.extent_within", None)
+    large = trimesh.creation.box((1700.0, 200.0, 300.0))
+    with pytest.raises(ValueError, match=r"^ifov is 0.00015 rad, .* at least 0\.\d+ rad for 2500 "):
+        profile(large, window=2500.0, slant_range=1e3)

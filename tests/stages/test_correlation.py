@@ -123,3 +123,15 @@ def test_nothing_is_named_where_what_is_learned_has_no_direction():
     assert answers["similarity"].tolist() == [[0.0, 0.0]]
     with pytest.raises(ValueError, match="only zero vectors"):
         correlation.match_views(0 * profiles, profiles[0], valid, known, left_out=False)
+
+
+def test_the_draw_that_is_tested_is_not_learned():
+    cell = made(noise=3.0)
+    before = answered(cell, "noisy")
+    assert before["similarity"].max() < 0.99
+    # The tested replicate in place of another: every view finds itself.
+    averaged = cell.averaged.copy()
+    averaged[1] = averaged[0]
+    after = answered(cell.changed(averaged=averaged), "noisy")
+    np.testing.assert_allclose(after["similarity"][:2], 1, atol=1e-12)
+    assert after["correct"][:2].all()

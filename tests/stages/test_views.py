@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import trimesh
+from range_channel import choose
 
 import ncti.ships
 from ncti.render import Sampling, line_image, refined
@@ -13,6 +14,7 @@ from sweeps.engine.declare.stage import value_token
 from sweeps.experiment import EXPERIMENT
 from sweeps.stages import meshes, views
 from sweeps.stages.ships import ship_name
+from sweeps.stages.views import Grid
 
 
 @pytest.fixture
@@ -32,6 +34,16 @@ def test_a_hull_is_what_is_in_its_file(box, tmp_path):
     first, second = (views.mesh_source(ship_name(str(path))) for path in (box, copy))
     assert value_token(first) == value_token(second)
     assert value_token(first) != value_token(views.mesh_source(ship_name("duncan")))
+
+
+def test_a_transform_counts_in_the_key_of_results(box):
+    """A turn about the vertical changes the key, and the same transform does not."""
+    (plain,), (turned,), (again,) = (
+        choose(grid__ship={"path": str(box), "forward": axis})[Grid.ship]
+        for axis in ("x", "-x", "-x")
+    )
+    tokens = [value_token(views.mesh_source(name)) for name in (plain, turned, again)]
+    assert tokens[1] == tokens[2] != tokens[0]
 
 
 def test_a_ship_that_changed_is_refused(box):

@@ -3,11 +3,12 @@
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy import ndimage
 
 from ncti.article import SHIPS
 from ncti.infrared.imager import Imager
-from ncti.ladar import frame_moments, range_extent
+from ncti.ladar import frame_moments, range_extent, sample_frames
 from ncti.render import line_image
 from ncti.ships import load
 from studies.reproduction.categories import acn_scores, presentation_orders
@@ -154,3 +155,43 @@ def test_the_defaults_give_the_tables_of_sweeps():
         assert (np.abs(simulated - published) < bound).all(), name
     # One training beside the mean of eight: a view is 2.5 points, and abeam trainings differ.
     assert (np.abs(tables["table2"].mean[0] - [100, 99, 41]) < [1, 3, 12]).all()
+
+
+@pytest.mark.parametrize(("free", "cnr"), [(0, 60.0), (1000, 10**3.2)])
+def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
+    """The largest cosine names a view, from four frames, which are the least normal.
+
+    Shares of two samples of answers to the same views differ by less than four errors.
+    """
+    views = [(name, aspect) for name in SHIPS for aspect in (0.0, 30.0, 60.0, 90.0)]
+    signal = {"pulse_width": 30e-9, "cnr": cnr, "target_free_ifovs": free}
+    extents = [extent(*view) for view in views]
+    templates = np.array([frame_moments(ship_extent, **signal)[0] for ship_extent in extents])
+    templates -= templates[:, :20].mean(axis=1, keepdims=True)
+    templates /= np.linalg.norm(templates, axis=1, keepdims=True)
+    truth = np.arange(len(views))[:, None]
+    count = 150
+
+    def shares(averages):
+        above = averages - averages[..., :20].mean(axis=-1, keepdims=True)
+        return ((above @ templates.T).argmax(axis=-1) == truth).mean(axis=1)
+
+    rng = np.random.default_rng(4)
+    normal = np.array(
+        [
+            averaged_profiles(ship_extent, **signal, frame_counts=(4,), draws=count, rng=rng)[:, 0]
+            for ship_extent in extents
+        ]
+    )
+    sampled = np.array(
+        [
+            sample_frames(ship_extent, **signal, frame_count=4 * count, rng=rng)
+            .reshape(count, 4, -1)
+            .mean(axis=1)
+            for ship_extent in extents
+        ]
+    )
+    normal_shares, sampled_shares = shares(normal), shares(sampled)
+    spread = normal_shares * (1 - normal_shares) + sampled_shares * (1 - sampled_shares)
+    error = np.sqrt(spread.mean() / count / len(views))
+    assert abs((normal_shares - sampled_shares).mean()) < 4 * error
