@@ -7,6 +7,7 @@ Modules come from `sweeps.stages` and from entry points of installed packages in
   need no list
 - `SENSOR` or `NAME`: its name, if it is a sensor or a classifier
 - `CONF`: a folder of configuration files, such as `experiment/mine.yaml`
+- `WORDS`: by setting, the attribute in which modules list the allowed words of the setting
 - `check_first` and `check`: refuse inconsistent choices, or return completed ones, the first before
   any ship is built
 - `loops`: returns the compiled loops that its stages run
@@ -15,7 +16,7 @@ Modules come from `sweeps.stages` and from entry points of installed packages in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -26,7 +27,7 @@ from typing import Any
 
 from ncti.machine_code import CompiledLoops
 from sweeps.engine.declare.errors import DeclarationError
-from sweeps.engine.declare.kinds import SetOf, Word
+from sweeps.engine.declare.kinds import Kind, SetOf, Word
 from sweeps.engine.declare.settings import Choices, Setting, Settings
 from sweeps.engine.declare.stage import Experiment, Stage
 from sweeps.engine.run.process import environment
@@ -37,7 +38,6 @@ from sweeps.stages.views import Grid, Render, Sweep
 TITLE = "Identification of ships by laser radar and passive infrared: parameter sweep"
 PACKAGES = ("ncti", "sweeps")  # whose code counts in the keys of results
 ENTRY_POINTS = "sweeps.modules"
-NAMED_BY = {Sweep.sensor: "SENSOR", Classifier.name: "NAME"}  # attributes of modules
 
 CORE = tuple(
     import_module(f"sweeps.stages.{name}")
@@ -79,8 +79,9 @@ def assemble(*modules: Any, code: tuple[str, ...] = ()) -> Experiment:
 
     `code` names further packages, besides this project's, whose code counts in the keys of results.
     """
+    kinds = _kinds(modules)
     settings = tuple(
-        _with_words(setting, modules)
+        replace(setting, kind=kinds[setting.key]) if setting.key in kinds else setting
         for module in modules
         for group in groups_of(module)
         for setting in group.declared
@@ -130,14 +131,18 @@ def _compile(loops: CompiledLoops) -> None:
     keep(loops)
 
 
-def _with_words(setting: Setting, modules: Sequence[Any]) -> Setting:
-    """Return a setting; those of sensors and classifiers with the words that modules declare."""
-    attribute = NAMED_BY.get(setting)
-    if attribute is None:
-        return setting
-    word = Word(tuple(getattr(one, attribute) for one in modules if hasattr(one, attribute)))
-    kind = setting.kind
-    return replace(setting, kind=replace(kind, kind=word) if isinstance(kind, SetOf) else word)
+def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
+    """Return, by key, the kinds of settings whose words the modules declare."""
+    kinds: dict[str, Kind] = {}
+    for module in modules:
+        words: Mapping[Setting, str] = getattr(module, "WORDS", {})
+        for setting, attribute in words.items():
+            listed = [getattr(owner, attribute) for owner in modules if hasattr(owner, attribute)]
+            lists = [(names,) if isinstance(names, str) else names for names in listed]
+            word = Word(tuple(name for names in lists for name in names))
+            kind = setting.kind
+            kinds[setting.key] = replace(kind, kind=word) if isinstance(kind, SetOf) else word
+    return kinds
 
 
 def remarks(modules: Sequence[Any], choices: Choices) -> list[str]:

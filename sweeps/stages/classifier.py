@@ -533,6 +533,8 @@ def of_profiles(name: str, *extra_dims: str) -> ClassifierGroup:
 PROFILE_MARKS, IMAGE_MARKS = map(training_marks, (PROFILE, OF_VIEWS))
 
 
+WORDS = {Classifier.name: "NAME"}
+
 STAGES = (
     test_aspects,
     aspect_selection,

@@ -68,7 +68,7 @@ def quantity(
 class Sweep(Settings):
     """The sweep."""
 
-    sensor = set_of(  # words: the `SENSOR` of modules
+    sensor = set_of(  # which other modules declare, as `SENSOR`
         word(RANGE, (), label="sensors", not_swept="it is a set"),
         spellings=(("both", (RANGE, INFRARED)),),
     )
@@ -325,6 +325,8 @@ def loops(choices: Choices) -> list[CompiledLoops]:
     used = {*choices[Render.engine]}
     return [*map(engine_loops, sorted(used)), *([BOXES] if used != {LINES} else [])]
 
+
+WORDS = {Sweep.sensor: "SENSOR"}
 
 STAGES = (
     mesh_source,

@@ -71,7 +71,9 @@ def test_a_function_over_a_grid_is_resumed_and_extended(sweep):
     scale, values = 2.0, {"x": [1, 2], "y": [0.5, 1.5]}
     elsewhere = sweep(lambda x, y: scale * x * y, values, store="t", cluster="local")
     np.testing.assert_array_equal(elsewhere.result, results["product"])
-    both = r"product\.x is 4, but .* has 1, 2, 3: give product\.x=\[1,2,3,4\] to have both"
+    both = (
+        r"values\['x'\] is 4, but .* has 1, 2, 3: give values={'x': \[1, 2, 3, 4\], ...} to have bo"
+    )
     with pytest.raises(ConfigurationError, match=both):
         run(x=[4], y=[0.5, 1.5])
 
@@ -194,7 +196,7 @@ def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
     ran = begun(["job.py"], tmp_path)
     lines = ran.stderr.splitlines()
     assert ran.returncode == 1 and len(lines) < 10
-    assert "cluster is local, whose workers run job.py again; put its work under `if" in lines[-1]
+    assert "cluster is local, whose workers run job.py again, but line" in lines[-1]
 
 
 AREA = """import sys, sweeps

@@ -93,7 +93,7 @@ def test_every_experiment_runs(name, folder, results, capsys, monkeypatch):
     fast = [] if name == "runtime_vs_error" else FAST
     arguments = [*fast, *TINY[name], "store=s.zarr", f"cache={results}"]
     if name not in PAGES:
-        monkeypatch.setattr("sweeps.report.summary.write_store_page", lambda *_: [])
+        monkeypatch.setattr("sweeps.report.page.write.write_store_page", lambda *_: [])
     assert ran(f"+experiment={name}", *arguments) == 0, capsys.readouterr().err
     assert_on_a_page(capsys.readouterr().out, page=name in PAGES)
     draw_gallery(name, monkeypatch)

@@ -50,7 +50,7 @@ const headlineOf = (about, table, kept, axis, bin) => {
   const start = groups.size > 1 ? `Best of ${groups.size}: ${name}` : name[0].toUpperCase() + name.slice(1);
   const level = chance && rows[chance][first] !== null ? `; chance ${rounded(rows[chance][first])} %.` : ".";
   const ranking = shared.length === values.size ? ""
-    : shared.length ? ` Ranked by ${shared.length} of ${values.size} values of ${about.axes[along][0]}, those that all have.`
+    : shared.length ? ` Ranked by ${shared.length} of ${values.size} values of ${about.axes[along][0]}, ${shared.length > 1 ? "those" : "the one"} that all have.`
     : ` Ranked by means over different values of ${about.axes[along][0]}, since none is shared.`;
   const minAnswers = rows.n ? Math.min(...best.indices.map((k) => rows.n[k])) : about.few;
   return `${start} identifies ${score.join(score[0].endsWith("chance") ? ", and " : " and ")}${conditions.length ? ` (${conditions.join(", ")})` : ""}${level}${ranking}`
