@@ -106,8 +106,8 @@ def compiling_ahead(*loops: CompiledLoops) -> Iterator[None]:
 
 def _is_compiled(*names: str) -> bool:
     """Return whether the machine code of a function exists, given [package,] module and name."""
-    *room, module, function = names
-    source = Path(__file__).absolute().parent.joinpath(*room, f"{module}.py")
+    *packages, module, function = names
+    source = Path(__file__).absolute().parent.joinpath(*packages, f"{module}.py")
     # numba's file names.
     return any(
         index.stat().st_mtime >= source.stat().st_mtime

@@ -13,8 +13,8 @@ from once import made_once, sharing_ships
 settings.register_profile("untimed", deadline=None, max_examples=50)
 settings.load_profile("untimed")
 
-for room in ("engine", "sweeps", "convergence", "report"):  # whose modules others import
-    sys.path.insert(1, str(Path(__file__).parent / room))
+for folder in ("engine", "sweeps", "convergence", "report"):  # whose modules others import
+    sys.path.insert(1, str(Path(__file__).parent / folder))
 
 
 @pytest.fixture(scope="session")

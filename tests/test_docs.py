@@ -181,12 +181,14 @@ def test_the_gallery_has_every_script_and_the_command_that_runs_it():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_names_on_the_page_exist(page):
-    for name in set(re.findall(r"`((?:ncti|sweeps)(?:\.\w+)+)`", prose_of(page))):
+    for name in set(re.findall(r"`((?:ncti|studies|sweeps)(?:\.\w+)+)`", prose_of(page))):
         found, *rest = import_module(name.partition(".")[0]), *name.split(".")[1:]
         for part in rest:
             if not hasattr(found, part):
                 import_module(f"{found.__name__}.{part}")
             found = getattr(found, part)
+    for path in re.findall(r"`((?:benchmarks|docs|studies|tests)/[\w/]+\.py)`", prose_of(page)):
+        assert (ROOT / path).is_file(), path
 
 
 GROUPS = {one.key.partition(".")[0] for one in EXPERIMENT.declared if "." in one.key}

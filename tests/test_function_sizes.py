@@ -15,7 +15,7 @@ KEYWORDS = {  # of functions that users call, and of a scikit-learn estimator
     "studies/operate/identify.py:identify",
     "sweeps/engine/function/sweep.py:sweep",
 }
-STAGES = {"answers", "in_memory", "plain", "stage"}  # decorators: parameters are inputs by name
+STAGES = {"answers", "derived", "in_memory", "stage"}  # decorators: parameters are inputs by name
 
 
 def functions(tree: ast.AST, of: str = "") -> Iterator[tuple[str, ast.FunctionDef]]:

@@ -106,7 +106,7 @@ def autofocus(scan: Scan, estimate: Flight) -> Flight:
     """
     flight = estimate
     for _ in range(MAX_ROUNDS):
-        slope = _commonest_slope(scan, flight)
+        slope = _modal_slope(scan, flight)
         # An error dv of the closing speed makes an upright face lean by dv / climb.
         error = -slope * flight.climb / closing_per_speed(flight)
         flight = replace(flight, aircraft_speed=flight.aircraft_speed + error)
@@ -119,7 +119,7 @@ def closing_per_speed(flight: Flight) -> float:
     return math.copysign(max(abs(gain), 1e-3), gain)
 
 
-def _commonest_slope(scan: Scan, flight: Flight) -> float:
+def _modal_slope(scan: Scan, flight: Flight) -> float:
     """Return the most frequent slope of faces in the corrected image [m/m]."""
     image = segmented(correct(scan, Correction(), estimate=flight, overscanned=True), flight)
     # Horizontal distance of every pixel, from its range and its angle below the horizon.

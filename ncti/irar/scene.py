@@ -104,8 +104,8 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     closer = max(closer, 0.0) + float(np.ptp(away)) / 2
     if closer > flight.slant_range / 2:
         raise ValueError(
-            f"slant_range is {flight.slant_range:g}, but must be at least {math.ceil(2 * closer)}, "
-            "twice the distance that the aircraft approaches"
+            f"slant_range is {flight.slant_range:g} m, but must be at least "
+            f"{math.ceil(2 * closer)} m, twice the distance that the aircraft approaches"
         )
     # Times at which lines meet the ship's corners, with a margin.
     aimed = flight if flight.pointing is not None else _aim_scan(flight, corners)

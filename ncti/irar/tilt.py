@@ -14,6 +14,7 @@ from ncti.irar.tilt_fit import START, fit_place
 if TYPE_CHECKING:
     from ncti.irar.seen import Looks, Truth
 
+MIN_CELLS = 4  # of the truth along a pixel
 _MARGIN = 8  # pixels of sea around the ship that are fitted
 _KNEE = 0.3  # share of the ship's brightness at which the first search saturates
 _MIN_SCATTER = 0.02  # share of the model: error of area averages over finite cells
@@ -74,9 +75,9 @@ def tilts(
         the active and the passive image, are of the same samples at the same places and have one
         tilt.
     truth : (row * k, column * k) or (channel, row * k, column * k) array_like
-        The same view without noise, in any unit, each pixel resolved into k x k cells, k whole; NaN
-        counts as 0. The error for an exactly sheared image falls with the cells: below 0.02 deg
-        with k = 8, 0.05 deg with k = 4.
+        The same view without noise, in any unit, each pixel resolved into k x k cells, k whole and
+        at least 4; NaN counts as 0. The error for an exactly sheared image falls with the cells:
+        below 0.02 deg with k = 8, 0.05 deg with k = 4.
     places : (...) array_like and (...) array_like, optional
         Row and column of each sample that the image averages, from the middle of the first pixel
         [pixel]; NaN for a sample outside. Each cell of the truth must then show a sample's
@@ -190,10 +191,10 @@ def _checked_images(image: ArrayLike, truth: ArrayLike) -> tuple[Floats, Floats,
     observed, cells = _checked_image("image", image), _checked_image("truth", truth)
     rows, columns = observed.shape[1:]
     factor = cells.shape[1] // rows
-    if factor < 1 or cells.shape != (len(observed), rows * factor, columns * factor):
+    if factor < MIN_CELLS or cells.shape != (len(observed), rows * factor, columns * factor):
         raise ValueError(
             f"truth has shape {np.shape(truth)}, but must be a whole multiple of the image's, "
-            f"{np.shape(image)}"
+            f"{np.shape(image)}, {MIN_CELLS} or more"
         )
     known = ~np.isnan(observed)
     observed, cells = np.nan_to_num(observed), np.nan_to_num(cells)

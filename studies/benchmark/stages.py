@@ -516,7 +516,7 @@ TABLES = tuple(table for _, tables in ENTERED for table in tables)
 # Checks
 
 
-def check_first(choices: Choices) -> Choices:
+def check_first(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) ships that no split can learn, and missing classifiers."""
     if uses_sensor(SENSOR)(choices):
         for name in choices.value(Benchmark.classifier):
@@ -529,4 +529,3 @@ def check_first(choices: Choices) -> Choices:
                 refuse(Grid.ship, str(ship), f"a known name without a transform, not of {unknown}")
         if len(choices[Grid.ship]) < 2:
             refuse(Grid.ship, str(choices[Grid.ship][0]), "at least two ships to be told apart")
-    return choices

@@ -51,12 +51,11 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     """
     import xarray as xr
 
-    ships = np.asarray(answers.ship.values)
     splits = [str(name) for name in answers[SPLIT].values]
     by_split = []
     for name in splits:
         seeds = [_scores(answers, tests, name, seed) for seed in answers[SEED].values]
-        by_split.append(_means(seeds, ships))
+        by_split.append(_means(seeds))
     table = xr.concat([labelled_dataset(figures) for figures in by_split], SPLIT)
     low = SIDE.tolist()
     return table.assign_coords(
@@ -64,7 +63,7 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
             SPLIT: answers[SPLIT],
             "aspect_bin": [f"{low_:g}-{low_ + BIN_WIDTH:g}" for low_ in low],
             "ship": answers.ship,
-            "ship_named": ships,
+            "ship_named": np.asarray(answers.ship.values),
         }
     )
 
@@ -155,7 +154,7 @@ def _scores(
 
 
 def _means(
-    seeds: list[tuple[Scores, NDArray[Any], Floats, NDArray[np.bool_]]], ships: NDArray[Any]
+    seeds: list[tuple[Scores, NDArray[Any], Floats, NDArray[np.bool_]]],
 ) -> dict[str, tuple[Any, ...]]:
     """Return the figures of one split, as means over its seeds, each with its label."""
     import xarray as xr

@@ -265,19 +265,18 @@ TABLES = (
 )
 
 
-def check_first(choices: Choices) -> Choices:
+def check_first(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) fleets larger than the grid, before building any ship."""
     if uses_sensor(SENSOR)(choices):
         ships, largest = len(choices[Grid.ship]), max(choices[Operate.fleet])
         if largest > ships:
             refuse(Operate.fleet, largest, f"at most {ships}, the number of ships of grid.ship")
-    return choices
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) settings that the sensor `operate` does not support."""
     if not uses_sensor(SENSOR)(choices):
-        return choices
+        return
     check_profiles(choices)
     require(choices, Ladar.receiver, FULL, f"with the sensor {SENSOR}")
     for spread in choices[Infrared.sea_spread]:
@@ -289,4 +288,3 @@ def check(choices: Choices) -> Choices:
         refuse(Grid.aspect, choices[Grid.aspect][0], reason)
     check_window(choices)
     views.check_ranges(choices, Grid.range, Ladar.ifov)
-    return choices

@@ -31,11 +31,14 @@ def presentation_orders(
     return [np.lexsort(keys)]
 
 
-def category_counts(vectors: Floats, orders: Sequence[Indices], **how: Any) -> Indices:
-    """Return the (order,) numbers of categories of (view, feature) vectors; `how` of `cluster`."""
+def category_counts(vectors: Floats, orders: Sequence[Indices], **options: Any) -> Indices:
+    """Return the (order,) numbers of categories of (view, feature) vectors.
+
+    `options` are those of `cluster`.
+    """
     similarities = Similarities.of(vectors)
     counts = [
-        len(cluster(similarities, order=order, max_passes=PASSES, **how).weights)
+        len(cluster(similarities, order=order, max_passes=PASSES, **options).weights)
         for order in orders
     ]
     return np.array(counts if len(counts) > 1 else 2 * counts)
@@ -50,14 +53,14 @@ def acn_scores(
     aspect: Floats,
     label_rule: str,
     learn_in_test: bool,
-    **how: Any,
+    **options: Any,
 ) -> Simulated:
     """Return the network's percent correct by (row, bin): first of training, then of tests.
 
     `templates` (view, feature) are learned in each of the `orders`, one for each draw or one for
     all; `tests` (draw, test, view, feature) are presented in the order of their draw, and move
     categories if `learn_in_test`. `ship` (view,) are numbers, `aspect` (view,) [deg]; `label_rule`
-    names a category after the `majority` of its members or the `first`; `how` has vigilance and
+    names a category after the `majority` of its members or the `first`; `options` has vigilance and
     learning rate. A vector without a category, such as the map of an empty silhouette, counts as
     wrong.
     """
@@ -67,7 +70,7 @@ def acn_scores(
 
     trained = []
     for order in orders:
-        network = AdaptiveClusteringNetwork(max_passes=PASSES, **how)
+        network = AdaptiveClusteringNetwork(max_passes=PASSES, **options)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # as it is after all passes
             network.fit(templates[order], ship[order])

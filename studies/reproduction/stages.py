@@ -108,7 +108,7 @@ def figure_names(aspect: tuple[float, ...]) -> NDArray[np.str_]:
     return np.array([f"Table {figure.table}, {figure.name}" for figure in article.figures(aspect)])
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) ships and aspects that the article's tables do not cover."""
     if uses_sensor(SENSOR)(choices):
         ships, aspects = choices[Grid.ship], choices[Grid.aspect]
@@ -118,7 +118,6 @@ def check(choices: Choices) -> Choices:
             article.figures(aspects)
         except ValueError as error:
             refuse(Grid.aspect, list(aspects), f"such that {error}")
-    return choices
 
 
 def valid_settings(reproduction: xr.Dataset, choices: Choices) -> tuple[xr.DataArray, Agreement]:

@@ -244,10 +244,10 @@ def changed(
 # Checks
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> Choices | None:
     """Drop unavailable engines, and refuse settings that cannot be measured."""
     if not uses_sensor(SENSOR)(choices):
-        return choices
+        return None
     check_profiles(choices)
     reason = f"with the sensor {SENSOR}, which measures the error of a given pixel"
     require(choices, Render.tolerance, None, reason)

@@ -278,10 +278,10 @@ outcome = FIELD.stage(
 # Checks
 
 
-def check(choices: Choices) -> Choices:
+def check(choices: Choices) -> None:
     """Refuse (`ConfigurationError`) fields, ranges and rates that cannot be searched."""
     if not uses_sensor(SENSOR)(choices):
-        return choices
+        return
     check_profiles(choices)
     check_receiver(choices, "likelihood")
     if {*choices[Ladar.ifov], *choices[Infrared.ifov]} != {choices[Ladar.ifov][0]}:
@@ -299,7 +299,6 @@ def check(choices: Choices) -> Choices:
     views.check_ranges(choices, Grid.range, Ladar.ifov)
     for slant_range in choices[Grid.range]:
         _check_field(choices, slant_range)
-    return choices
 
 
 def _check_decoy(choices: Choices) -> None:

@@ -75,7 +75,7 @@ class Comparison:
 
     @property
     def output_path(self) -> Path:
-        """Path of the store that a comparison is named like: `b-less-a.zarr`, beside b."""
+        """Path from which outputs of a comparison take their names: `b-less-a.zarr`, beside b."""
         first, *others = (
             re.sub(r"(\.zarr)?/|\.zarr$", "-", name).strip("-") for name in self.names
         )

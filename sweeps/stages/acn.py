@@ -23,7 +23,15 @@ from sweeps.engine.declare.settings import Run, Settings, count, draws, number, 
 from sweeps.engine.declare.stage import At, Output, derived, in_memory, inner
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, VIEW, Indices, Integers, Mask, read_in_blocks
+from sweeps.stages.classifier import (
+    GATHERED,
+    NO_ANSWER,
+    VIEW,
+    Indices,
+    Integers,
+    Mask,
+    read_in_blocks,
+)
 from sweeps.stages.infrared import LOOK, OF_SILHOUETTES, Infrared
 from sweeps.stages.views import INFRARED, Arrays, Floats, Grid, Profiles
 
@@ -165,7 +173,7 @@ def form_categories(
     labels[views] = clustering.labels
     formed = category_formation(labels, ship, aspect)
     count, ships = len(clustering.weights), ship[views]
-    names = np.full(views.size, NONE)
+    names = np.full(views.size, NO_ANSWER)
     weights = np.zeros((views.size, clustering.weights.shape[1]))
     lengths = np.zeros(views.size)
     by_first = label_rule == "first"
@@ -176,8 +184,8 @@ def form_categories(
     right = category_ships(names, formed.category) == ship.reshape(known.shape)
     return {
         "training_category": formed.category,
-        "training_confused": np.where(known, formed.confused, NONE),
-        "training_correct": np.where(known, right, NONE),
+        "training_confused": np.where(known, formed.confused, NO_ANSWER),
+        "training_correct": np.where(known, right, NO_ANSWER),
         "passes": np.array(clustering.passes if clustering.converged else -clustering.passes),
         "names": names,
         "weights": weights,
@@ -187,8 +195,8 @@ def form_categories(
 
 
 def category_ships(names: Integers, category: Integers) -> Integers:
-    """Return the ship of each category; `NONE` for a vector without a category."""
-    return np.where(category >= 0, names[np.maximum(category, 0)], NONE)
+    """Return the ship of each category; `NO_ANSWER` for a vector without a category."""
+    return np.where(category >= 0, names[np.maximum(category, 0)], NO_ANSWER)
 
 
 def answer_tests(
@@ -214,7 +222,7 @@ def answer_tests(
     lead = training["passes"].shape
     indices = [*np.ndindex(*lead)]
     shape = (*lead, len(tests), *valid.shape)
-    answers = {name: np.full(shape, NONE) for name in ("category", "predicted", "correct")}
+    answers = {name: np.full(shape, NO_ANSWER) for name in ("category", "predicted", "correct")}
     answers["similarity"] = np.full(shape, np.nan)
     ship = np.indices(valid.shape)[0]
     trainings = [{name: values[index] for name, values in training.items()} for index in indices]
@@ -230,17 +238,18 @@ def answer_tests(
             matches = training_set.matches(clusterings, flat, f)
         for index, formed, (category, cosine) in zip(indices, trainings, matches, strict=True):
             labels = formed["training_category"]
-            category = np.where(valid, category.reshape(valid.shape), NONE)
+            category = np.where(valid, category.reshape(valid.shape), NO_ANSWER)
             predicted = category_ships(formed["names"], category)
             if score_rule == "ship":
                 scored, right = valid, predicted == ship
             else:
                 is_training_view = formed["training_confused"] >= 0
-                scored, right = valid & is_training_view, (category == labels) & (category != NONE)
+                scored = valid & is_training_view
+                right = (category == labels) & (category != NO_ANSWER)
             answers["category"][*index, f] = category
             answers["similarity"][*index, f] = np.where(valid, cosine.reshape(valid.shape), np.nan)
             answers["predicted"][*index, f] = predicted
-            answers["correct"][*index, f] = np.where(scored, right, NONE)
+            answers["correct"][*index, f] = np.where(scored, right, NO_ANSWER)
     return answers | {"cell": classifier.answer_state(answers["correct"], valid)}
 
 

@@ -53,7 +53,7 @@ Mask = NDArray[np.bool_]
 Integers = NDArray[np.integer]
 Indices = NDArray[np.intp]
 
-NONE = -1  # of a category, a ship, or an answer: the view is not there
+NO_ANSWER = -1  # of a category, a ship, or an answer: the view is not there
 GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
 PROFILE_NOUN = "profiles"  # inputs of most classifiers
@@ -381,9 +381,9 @@ def mark_answers(named: Integers, valid: Mask, tested: Mask | None = None) -> Ar
     Views that are not `tested` have no answer.
     """
     answered = valid if tested is None else valid & tested
-    predicted = np.where(answered, named, NONE)
+    predicted = np.where(answered, named, NO_ANSWER)
     right = predicted == np.arange(len(valid))[:, None]
-    correct = np.where(answered, right, np.int8(NONE))
+    correct = np.where(answered, right, np.int8(NO_ANSWER))
     return {"predicted": predicted, "correct": correct, "cell": answer_state(correct, valid)}
 
 
@@ -431,10 +431,10 @@ class ClassifierGroup(Group):
 
     @classmethod
     def of_classifier(
-        cls, name: str, when: Condition, dims: tuple[str, ...], **how: Any
+        cls, name: str, when: Condition, dims: tuple[str, ...], **options: Any
     ) -> ClassifierGroup:
         """Return the group of a classifier."""
-        return cls(f"classification/{name}", when, dims=dims, status=Status(name), **how)
+        return cls(f"classification/{name}", when, dims=dims, status=Status(name), **options)
 
     @property
     def name(self) -> str:
@@ -442,7 +442,7 @@ class ClassifierGroup(Group):
         return self.path.rpartition("/")[2]
 
     def answers(
-        self, *outputs: Output, without: tuple[str, ...] = (), right: str = "", **how: Any
+        self, *outputs: Output, without: tuple[str, ...] = (), right: str = "", **options: Any
     ) -> StageDecorator:
         """Declare the stage that names ships, with any further outputs.
 
@@ -454,16 +454,16 @@ class ClassifierGroup(Group):
             Output("correct", self.answer, "i1", label=f"1 where the answer is right{right}"),
             *outputs,
             Output("cell", self.answer, "i1", "state of the cell", role=STATE),
-            **{"gather": GATHERED, **how},
+            **{"gather": GATHERED, **options},
         )
 
     def coordinates(
-        self, *outputs: Output, **how: Any
+        self, *outputs: Output, **options: Any
     ) -> Callable[[Callable[..., Any]], tuple[Stage, ...]]:
         """Declare coordinates of the group of answers and of the group of cell states."""
         groups = self, replace(self, path=STATUS)
         return lambda function: tuple(
-            group.stage(*outputs, name=f"{function.__name__}_{k}", **how)(function)
+            group.stage(*outputs, name=f"{function.__name__}_{k}", **options)(function)
             for k, group in enumerate(groups)
         )
 

@@ -10,7 +10,7 @@ from ncti.classify.blocks import row_blocks
 from sweeps.engine.declare.settings import Choices, Settings, word
 from sweeps.engine.declare.stage import Output, in_memory
 from sweeps.stages import classifier
-from sweeps.stages.classifier import NONE, Classifier, Indices, Mask
+from sweeps.stages.classifier import NO_ANSWER, Classifier, Indices, Mask
 from sweeps.stages.refusals import refuse
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles
 
@@ -120,7 +120,7 @@ def match_views(
         best[rows], cosine[rows] = neighbour.match(
             to_vectors(tests[rows]), exclude=untrained | same_aspect
         )
-    predicted = np.where(best == NO_TEMPLATE, NONE, ship[view[best]]).reshape(valid.shape)
+    predicted = np.where(best == NO_TEMPLATE, NO_ANSWER, ship[view[best]]).reshape(valid.shape)
     similarity = np.where(valid, cosine.reshape(valid.shape), np.nan)
     return classifier.mark_answers(predicted, valid) | {"similarity": similarity}
 

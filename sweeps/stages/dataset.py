@@ -141,10 +141,10 @@ def make_rows(
     ship: tuple[str, ...],
     piece: int,
     count: int,
+    sensor: str,
     **inputs: Any,
 ) -> Arrays:
     """Return the arrays of the rows of a piece, as `ncti.dataset` makes them."""
-    sensor = "infrared" if "imager" in inputs else "range"
     drawn = {name: list(inputs[name]) for name in LIST_INPUTS if inputs.get(name) is not None}
     meshes = [named_mesh(*pair) for pair in zip(mesh_sources, map(str, ship), strict=True)]
     rows = dataset(meshes, count, first=piece * count, sensor=sensor, **{**inputs, **drawn})
@@ -154,20 +154,30 @@ def make_rows(
     return arrays | {str(name): values.values for name, values in rows.data_vars.items()}
 
 
-profile_rows = PROFILES.stage(
+@PROFILES.stage(
     *_declare_parameters(ROWS),
     Output("profile", ("place", "down_range"), label=VARIABLES["profile"][1]),
     reads=RADAR_INPUTS,
     gather=(Grid.ship, Grid.range, Grid.frame_count, Grid.pulse_width),
-    name="profile_rows",
-)(make_rows)
-silhouette_rows = SILHOUETTES.stage(
+)
+def profile_rows(
+    mesh_sources: tuple[MeshSource, ...], ship: tuple[str, ...], **inputs: Any
+) -> Arrays:
+    """Return a piece of rows of the laser radar."""
+    return make_rows(mesh_sources, ship, sensor="range", **inputs)
+
+
+@SILHOUETTES.stage(
     *_declare_parameters(name for name in ROWS if name not in RADAR_COORDINATES),
     Output("silhouette", ("place", "angle", "radius"), "u1", VARIABLES["silhouette"][1]),
     reads=IMAGER_INPUTS,
     gather=(Grid.ship, Grid.range, Grid.frame_count),
-    name="silhouette_rows",
-)(make_rows)
+)
+def silhouette_rows(
+    mesh_sources: tuple[MeshSource, ...], ship: tuple[str, ...], **inputs: Any
+) -> Arrays:
+    """Return a piece of rows of the imager."""
+    return make_rows(mesh_sources, ship, sensor="infrared", **inputs)
 
 
 def named_mesh(mesh_source: MeshSource, label: str) -> trimesh.Trimesh:

@@ -286,8 +286,9 @@ def check(choices: Choices) -> None:
             place = f" ({ship} at {aspect:g} deg)"
             plan = plan_scan(hulls[ship], flight) if ship in hulls else None
         except ValueError as problem:
-            message = str(problem).replace("slant_range", "range in m")
-            raise ConfigurationError(f"irar.{message}{place}") from problem
+            of_range = str(problem).startswith("slant_range")
+            key = f"irar.range has {values['range']:g} km: " if of_range else "irar."
+            raise ConfigurationError(f"{key}{problem}{place}") from problem
         for error in choices[Irar.errors]:
             _check_estimate(flight, error)
         if plan is not None and not plan.meets(hulls[ship]):

@@ -18,7 +18,7 @@ from ncti.classify.fusion import add_outliers, fuse, label_posterior, similarity
 from sweeps.engine.declare.settings import Choices
 from sweeps.engine.declare.stage import At, Output, Stream, coordinate, stage
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, Classifier, Indices, Integers, Mask
+from sweeps.stages.classifier import GATHERED, NO_ANSWER, Classifier, Indices, Integers, Mask
 from sweeps.stages.infrared import OF_SILHOUETTES, Infrared
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.likelihood import Likelihood, Prior
@@ -208,7 +208,7 @@ def fusion(
     profiles = averaged.reshape(len(frame_count), replicates, -1, averaged.shape[-1])
     draws = max(replicates, phases)
     shape = (len(gain_sigma), len(frame_count), looks, len(CHANNELS), draws)
-    best = np.full((*shape, *known.shape), NONE, dtype=np.int16)
+    best = np.full((*shape, *known.shape), NO_ANSWER, dtype=np.int16)
     probability = np.full((*shape, *known.shape), np.nan, dtype=np.float32)
     factors = silhouette_constants.reshape(looks, 2, phases)[..., np.arange(draws) % phases]
     for rows in row_blocks(len(views), ROWS * max(1, HELD_ROWS // (ROWS * max(replicates, looks)))):

@@ -74,7 +74,7 @@ MIN_NEDT = 1e-3
 MAX_COVERAGE = 0.95
 
 
-def _own(grid: Setting, label: str = "") -> Setting:
+def _defaulting_to(grid: Setting, label: str = "") -> Setting:
     """Return an axis of the imager whose values default to the grid's."""
     return replace(grid, default=grid, label=label or grid.label, help=f"null: that of {grid.key}")
 
@@ -111,8 +111,8 @@ class Infrared(Settings, key="infrared"):
     window_height = quantity(
         50, 1, 500, "m", "height of the highest ship in images", not_swept=views.SHAPES
     )
-    range = _own(Grid.range)
-    frame_count = _own(Grid.frame_count, "infrared frames averaged")
+    range = _defaulting_to(Grid.range)
+    frame_count = _defaulting_to(Grid.frame_count, "infrared frames averaged")
     super_resolution = word(
         list(library.SUPER_RESOLUTIONS),
         library.SUPER_RESOLUTIONS,
@@ -158,7 +158,7 @@ class Infrared(Settings, key="infrared"):
     training_range = quantity(
         25, 1, 1000, "km", "slant range of the noiseless training silhouettes"
     )
-    vigilance = _own(Grid.vigilance)
+    vigilance = _defaulting_to(Grid.vigilance)
     subpixel_offsets = draws(
         4,
         MAX_OFFSETS,

@@ -18,10 +18,17 @@ from ncti.ladar import spread_place
 from ncti.ladar.places import TEMPLATE_PLACES, IfovOffset
 from ncti.ships import names
 from sweeps.engine.declare.settings import Choices, Run, Settings, draws, number, switch
-from sweeps.engine.declare.stage import NOWHERE, Output, Stream, derived, in_memory, stage
+from sweeps.engine.declare.stage import UNSTORED, Output, Stream, derived, in_memory, stage
 from sweeps.engine.resolve.streams import cell_rng
 from sweeps.stages import classifier
-from sweeps.stages.classifier import GATHERED, NONE, AspectSelection, Classifier, Integers, Mask
+from sweeps.stages.classifier import (
+    GATHERED,
+    NO_ANSWER,
+    AspectSelection,
+    Classifier,
+    Integers,
+    Mask,
+)
 from sweeps.stages.ladar import Ladar, expected, extent_stages, mirror_offset
 from sweeps.stages.refusals import refuse
 from sweeps.stages.views import Arrays, Floats, Grid, Profiles
@@ -192,7 +199,7 @@ placed_extents = extent_stages("placed", shift="template_offset")
 placed_profile = replace(
     expected,
     name="placed_profile",
-    group=NOWHERE,
+    group=UNSTORED,
     reads={**expected.reads, "extent": "placed_ifovs"},
 )
 
@@ -339,10 +346,10 @@ def _answer(
     """Return the (view,) predicted ships, and probabilities of the true and of the predicted ones.
 
     Where there is an alternative, a prediction is compared with that alone. `posterior` has the
-    ships, `NONE` for the alternative, and their (view, ship) probabilities.
+    ships, `NO_ANSWER` for the alternative, and their (view, ship) probabilities.
     """
     ships, probability = posterior
-    named = ships != NONE
+    named = ships != NO_ANSWER
     best, of_true = classifier.best_ships((ships[named], probability[:, named]), true_ship)
     of_best = probability[:, named].max(axis=1)
     if not named.all():
@@ -396,10 +403,10 @@ def likelihood(
     views = view_ship * valid.shape[1] + view_aspect
     of_ship, of_template = np.nonzero(known)
     template, column = np.concatenate([np.nonzero(mask) for mask in (known, of_unknown)], axis=1)
-    label = np.where(np.arange(template.size) < of_ship.size, template, NONE)
+    label = np.where(np.arange(template.size) < of_ship.size, template, NO_ANSWER)
     flat = averaged.reshape(len(frame_count), -1, averaged.shape[-1])
     shape = (len(left_out), len(gain_sigma), len(frame_count), *valid.shape)
-    best = np.full(shape, NONE, dtype=np.int16)
+    best = np.full(shape, NO_ANSWER, dtype=np.int16)
     probability, similarity, fit = np.full((3, *shape), np.nan)
     for f, count in enumerate(frame_count):
         highest = peak_densities(templates, count, gain_sigma)

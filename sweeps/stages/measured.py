@@ -19,11 +19,11 @@ from ncti.evaluate import tabulate_scores
 from ncti.irar import ShipPixels, measured_extent
 from ncti.ladar import expected_profile, no_return
 from sweeps.engine.declare.settings import Choices
-from sweeps.engine.declare.stage import NOWHERE, Output, Stream, coordinate, derived, in_memory
+from sweeps.engine.declare.stage import UNSTORED, Output, Stream, coordinate, derived, in_memory
 from sweeps.stages import acn, classifier, ladar, views
 from sweeps.stages.acn import Network, TrainingSet
 from sweeps.stages.arguments import Keywords, keywords, restore, settings_by_last_word
-from sweeps.stages.classifier import NONE, Classifier, ClassifierGroup, Mask
+from sweeps.stages.classifier import NO_ANSWER, Classifier, ClassifierGroup, Mask
 from sweeps.stages.correlation import EXPECTED, Correlation, match_views
 from sweeps.stages.flights import flown_ships
 from sweeps.stages.irar import FLIGHT, FLIGHTS, Irar, flight_of
@@ -45,7 +45,7 @@ learned_signature = replace(
     ladar.expected,
     name="learned_signature",
     reads=FLIGHT_SIGNAL | {"extent": "flight_ifovs"},
-    group=NOWHERE,
+    group=UNSTORED,
 )
 DRAWN = (Grid.ship, Grid.aspect, Irar.depression, Grid.pulse_width, Grid.replicate)
 test_signature = replace(
@@ -54,7 +54,7 @@ test_signature = replace(
     reads=FLIGHT_SIGNAL | {"ifovs": "flight_ifovs", "frame_count": Irar.profile_frames},
     along=(Irar.profile_frames,),
     stream=Stream(DRAWN, "flight_signature"),
-    group=NOWHERE,
+    group=UNSTORED,
 )
 
 
@@ -176,7 +176,7 @@ def trained_classifier(
         return lambda tests, valid: mnn(trained, tests, valid, aspect, settings["inputs"])
     if name not in TRAINED:
         nothing = ("predicted", "correct")
-        return lambda tests, valid: dict.fromkeys(nothing, np.full(tests.shape[:-1], NONE))
+        return lambda tests, valid: dict.fromkeys(nothing, np.full(tests.shape[:-1], NO_ANSWER))
     templates = classifier.profile_vectors(learned_signature)[None]
 
     def correlate(tests: Profiles, valid: Mask) -> Arrays:
@@ -207,13 +207,13 @@ def measured(trained_classifier: Classify, signature: Profiles, valid: Mask) -> 
         np.where(absent[..., None], profiles[KINDS.index("learned")], profiles), valid
     )
     predicted, correct = (
-        np.where(absent, NONE, answers[name]) for name in ("predicted", "correct")
+        np.where(absent, NO_ANSWER, answers[name]) for name in ("predicted", "correct")
     )
     true = np.arange(len(valid))[:, None]
     return {
         "predicted": predicted,
         "correct": correct,
-        "ship_correct": np.where(correct == NONE, NONE, predicted == true),
+        "ship_correct": np.where(correct == NO_ANSWER, NO_ANSWER, predicted == true),
         "cell": classifier.answer_state(correct, valid),
     }
 

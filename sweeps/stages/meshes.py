@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import trimesh
 
 AS_IT_IS = Transform()  # of a mesh that is in the ship frame
-FEW_SHIPS = 4  # at most as many are built while workers import, more on all processors before
+FEW_SHIPS = 4  # up to this many are built while workers import; more are built first, in parallel
 LINE_INTERVAL = 10.0  # s between lines
 
 LOG = logging.getLogger(__name__)

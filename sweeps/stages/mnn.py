@@ -15,7 +15,7 @@ from sweeps.engine.declare.settings import Settings, count, number, switch, word
 from sweeps.engine.declare.stage import Output, Stream, derived, inner
 from sweeps.stages import classifier
 from sweeps.stages.arguments import Keywords, keywords, settings_by_last_word
-from sweeps.stages.classifier import GATHERED, NONE, Mask
+from sweeps.stages.classifier import GATHERED, NO_ANSWER, Mask
 from sweeps.stages.ladar import Ladar
 from sweeps.stages.views import Arrays, Grid, Profiles
 
@@ -124,12 +124,12 @@ def mnn_training(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # `loss` shows it
         network.fit(network_inputs(expected[known], inputs), truth[known])
-    classes = np.full(valid.shape, NONE)
+    classes = np.full(valid.shape, NO_ANSWER)
     classes[valid] = predict_classes(
         network, expected.reshape(1, -1, expected.shape[-1]), valid, inputs
     )
     return {
-        "training_correct": np.where(known, classes == truth, NONE),
+        "training_correct": np.where(known, classes == truth, NO_ANSWER),
         "presentations": np.array(network.n_iter_),
         "hidden": np.array(network.n_hidden_),
         "loss": np.array(network.loss_curve_[-1]),
@@ -148,16 +148,16 @@ def mnn(
 ) -> Arrays:
     """Return the ships predicted for averaged profiles, one number of frames at a time."""
     network = from_arrays(mnn_training)
-    classes = np.full(averaged.shape[:-1], NONE)
+    classes = np.full(averaged.shape[:-1], NO_ANSWER)
     flat = averaged.reshape(len(classes), -1, averaged.shape[-1])
     for f, of_count in enumerate(classes):
         of_count[valid] = predict_classes(network, flat, valid, inputs, f)
     bins = len(aspect_bins(aspect)[0])
     answers = classifier.mark_answers(classes // bins, valid)
-    right = np.where(valid, classes == view_classes(valid.shape, aspect), NONE)
+    right = np.where(valid, classes == view_classes(valid.shape, aspect), NO_ANSWER)
     return answers | {
         "correct": right,
-        "predicted_bin": np.where(valid, classes % bins, NONE),
+        "predicted_bin": np.where(valid, classes % bins, NO_ANSWER),
         "ship_correct": answers["correct"],
         "cell": classifier.answer_state(right, valid),
     }

@@ -190,7 +190,7 @@ def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, mon
     assert written == expected - set(user_files) - gone
 
 
-def test_changed_tables_and_pages_stay(store, tmp_path, monkeypatch, capsys):
+def test_changed_tables_and_pages_stay(store, monkeypatch, capsys):
     assert reported(monkeypatch, "--html", store) == 0
     page = page_file(store)
     before = page.read_bytes()

@@ -270,7 +270,7 @@ def test_plates_without_thickness_stay():
     assert not ships.is_symmetric(mended)
 
 
-def test_a_mesh_in_memory_is_refused_for_a_body_inside_out(tmp_path):
+def test_a_mesh_in_memory_is_refused_for_a_body_inside_out():
     ship = together(block((-50, -6, 0), (50, 6, 8)), inverted(block((0, -2, 9), (8, 2, 12))))
     with pytest.raises(ships.ShipError, match=r"1 of 2 bodies inside out .*at \(4, 0, 10.5\)"):
         meshes.check_closed(ship, "ship")

@@ -99,7 +99,7 @@ GOOD = {
     "irar.mirror_rotation": {"depression": 6.7},
     "irar.landmarks": {"profile": np.eye(9)[4], "down_range": np.arange(9.0)},
     "irar.profile_correlation": {"first": np.arange(5.0), "second": np.arange(5.0)},
-    "irar.tilts": {"image": np.eye(8), "truth": np.eye(8)},
+    "irar.tilts": {"image": np.eye(8), "truth": np.eye(32)},
     "irar.time_delay_integrate": {"samples": np.ones((2, 3, 9))},
     "data.dataset": {"ships": ["duncan"], "count": 1, "seed": 0, "frames": 1},
     "data.split": {
@@ -295,7 +295,7 @@ OTHERS = {
         "down_range": [np.arange(8.0), -np.arange(9.0), np.arange(9.0) ** 3],
     },
     "irar.profile_correlation": {"exclude": [[1, 2], [True] * 4 + [False]]},
-    "irar.tilts": {"truth": [np.ones((12, 8)), np.zeros((8, 8))]},
+    "irar.tilts": {"truth": [np.ones((48, 32)), np.ones((16, 16)), np.zeros((32, 32))]},
     "irar.time_delay_integrate": {"samples": [np.zeros((4, 8)), np.zeros((0, 4, 8))]},
     "simulate.range_profile": {
         **{"slant_range": [0.0, 25], "ifov": [1e-9], "frames": [0, 1.5], "bin_width": [1e-9]},

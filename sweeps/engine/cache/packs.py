@@ -138,7 +138,7 @@ class Head(NamedTuple):
     begins: NDArray[np.int64]
     ends: NDArray[np.int64]
     layouts: list[list[tuple[str, np.dtype[Any], tuple[int, ...], int]]]
-    checks: bytes
+    digests: bytes
 
     @classmethod
     def parse(cls, path: str, content: bytes) -> Head:
@@ -146,11 +146,11 @@ class Head(NamedTuple):
         if digest(content) != _parse_path(path)[0]:
             raise ValueError("it was changed")
         begin = content.index(b"\n") + 1
-        stage, seconds, described = json.loads(content[:begin])
+        stage, seconds, layout_specs = json.loads(content[:begin])
         size_of_cell = KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
         cells = (len(content) - begin) // size_of_cell
         layouts, sizes = [], []
-        for arrays in described:
+        for arrays in layout_specs:
             layout, size = [], 0
             for name, code, shape in arrays:
                 dtype = _plain_dtype(code)
@@ -163,15 +163,15 @@ class Head(NamedTuple):
         numbers = np.frombuffer(content, LAYOUT_DTYPE, cells, begin + keys.nbytes)
         record_sizes = np.array(sizes, np.int64)[numbers]
         ends = len(content) + np.cumsum(record_sizes)
-        checks = content[begin + keys.nbytes + numbers.nbytes :]
-        of_cells = keys, numbers, ends - record_sizes, ends, layouts, checks
+        digests = content[begin + keys.nbytes + numbers.nbytes :]
+        columns = keys, numbers, ends - record_sizes, ends, layouts, digests
         size = int(ends[-1]) if cells else 0
-        return cls(Pack(path, size, cells, stage, seconds), *of_cells)
+        return cls(Pack(path, size, cells, stage, seconds), *columns)
 
     def arrays(self, row: int, record: Buffer) -> Arrays | None:
         """Return the arrays of a record, copied; None if its digest differs."""
         begin = DIGEST_BYTES * row
-        if hash_bytes(record, DIGEST_BYTES) != self.checks[begin : begin + DIGEST_BYTES]:
+        if hash_bytes(record, DIGEST_BYTES) != self.digests[begin : begin + DIGEST_BYTES]:
             return None
         content, layout = bytearray(record), self.layouts[self.numbers[row]]
         return {
@@ -185,7 +185,7 @@ class PackWriter:
 
     layouts: dict[Any, int] = field(default_factory=dict)
     numbers: list[int] = field(default_factory=list)
-    checks: list[bytes] = field(default_factory=list)
+    digests: list[bytes] = field(default_factory=list)
     parts: list[bytes] = field(default_factory=list)
 
     def add(self, outputs: Mapping[str, NDArray[Any]]) -> None:
@@ -201,7 +201,7 @@ class PackWriter:
                 _dtype_code(np.asarray(array).dtype)
             number = self.layouts[key] = len(self.layouts)
         self.numbers.append(number)
-        self.checks.append(hash_bytes(record, DIGEST_BYTES))
+        self.digests.append(hash_bytes(record, DIGEST_BYTES))
         self.parts.append(record)
 
     def write(
@@ -213,7 +213,9 @@ class PackWriter:
         """
         line = json.dumps([stage, seconds, list(self.layouts)], separators=(",", ":")).encode()
         numbers = np.array(self.numbers, LAYOUT_DTYPE).tobytes()
-        head = b"".join((line, b"\n", keys.astype(KEY_DTYPE.base).tobytes(), numbers, *self.checks))
+        head = b"".join(
+            (line, b"\n", keys.astype(KEY_DTYPE.base).tobytes(), numbers, *self.digests)
+        )
         # A name begins with the time, since a bucket dates packs by whole seconds.
         path = f"{folder}/{time_ns():016x}{digest(head)}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
@@ -256,7 +258,7 @@ def ignore_damage() -> Iterator[None]:
 
 
 def raise_resource_error(error: BaseException) -> None:
-    """Raise an error again if it is a lack of resources, not a damaged file."""
+    """Re-raise errors of exhausted resources, which do not mean damage."""
     if isinstance(error, MemoryError) or getattr(error, "errno", None) in RESOURCE_ERRORS:
         raise error
 

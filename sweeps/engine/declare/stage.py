@@ -135,16 +135,16 @@ class Group:
     status: Status | None = None  # None: every stage has a status of its own
     names: Mapping[Setting, str] = field(default_factory=dict)  # of dimensions, in it
 
-    def stage(self, *outputs: Output, **how: Any) -> StageDecorator:
+    def stage(self, *outputs: Output, **options: Any) -> StageDecorator:
         """Declare a function as a stage of the group; see `Stage`."""
-        return stage(*outputs, **{"group": self, "uses": self.uses, **how})
+        return stage(*outputs, **{"group": self, "uses": self.uses, **options})
 
     def table(self, name: str, make: Callable[..., xr.Dataset | None], *displays: Display) -> Table:
         """Return a table of the group; see `Table`."""
         return Table(f"tables/{name}", (self.path,), make, self.when, displays)
 
 
-NOWHERE = Group("")
+UNSTORED = Group("")
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +201,7 @@ class Stage:
     # after those of `along`. Failed inputs are filled; `valid` flags the others.
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
-    group: Group = NOWHERE  # of the store; by default its results only serve other stages
+    group: Group = UNSTORED  # of the store; by default its results only serve other stages
     mode: Mode = Mode.CACHED
     keep: int = 0  # results of a stage in memory that a worker keeps
     version: str = ""  # counts in keys instead of the function's code, if it is given
@@ -301,19 +301,19 @@ class Stage:
 StageDecorator = Callable[[Callable[..., Any]], Stage]
 
 
-def stage(*outputs: Output, name: str = "", **how: Any) -> StageDecorator:
+def stage(*outputs: Output, name: str = "", **options: Any) -> StageDecorator:
     """Declare a function as a stage with some outputs; other arguments as of `Stage`."""
-    return lambda function: Stage(name or function.__name__, function, outputs, **how)
+    return lambda function: Stage(name or function.__name__, function, outputs, **options)
 
 
-def derived(**how: Any) -> StageDecorator:
+def derived(**options: Any) -> StageDecorator:
     """Declare a quick function of settings, whose result counts as a value; see `Stage`."""
-    return stage(mode=Mode.DERIVED, **how)
+    return stage(mode=Mode.DERIVED, **options)
 
 
-def in_memory(*, keep: int = 2, **how: Any) -> StageDecorator:
+def in_memory(*, keep: int = 2, **options: Any) -> StageDecorator:
     """Declare a function whose last `keep` results stay in memory only; see `Stage`."""
-    return stage(mode=Mode.IN_MEMORY, keep=keep, **how)
+    return stage(mode=Mode.IN_MEMORY, keep=keep, **options)
 
 
 @dataclass(frozen=True)

@@ -313,7 +313,8 @@ class Schedule:
         keys = self.plan.keys(bound)
         keys = keys if len(cells) == len(keys) else keys[cells]
         self.plan.drop_keys(bound)  # `keys` refers to them
-        prior = np.array([result for results in earlier for result in results], dtype=np.int32)
+        spans = [np.arange(span.start, span.stop, dtype=np.int32) for span in earlier]
+        prior = np.concatenate([np.empty(0, np.int32), *spans])
         first, number = unique_keys(concatenate(self.locations.keys[prior], keys))
         reused, new = prior[first[first < len(prior)]], first[first >= len(prior)] - len(prior)
         begin = len(self.locations)

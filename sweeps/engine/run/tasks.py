@@ -136,8 +136,8 @@ class Batch:
 class Outcome(NamedTuple):
     """Outcome of some calls: their time [s], and the failures by number of the cell.
 
-    `damaged_inputs` has, by number of a call that did not run, their keys. `pack` has all other
-    cells in their order.
+    `damaged_inputs` maps the number of each skipped call to the keys of its damaged inputs. `pack`
+    has all other cells in their order.
     """
 
     seconds: float
@@ -352,7 +352,7 @@ def _read_arguments(batch: Batch, number: int, inputs: Inputs, packs: Objects) -
 
 
 def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
-    """Return an in-memory object, after making a missing one and evicting its stage's oldest."""
+    """Return an in-memory object, built if missing, from a cache of `keep` objects per function."""
     # Keyed by the function's name, so that stages of one function share their results.
     # Functions of scripts and notebooks are unpickled anew for every task.
     objects = vars(_objects).setdefault(batch.stage.import_path, OrderedDict())

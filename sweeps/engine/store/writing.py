@@ -229,16 +229,16 @@ def _write_chunks(objects: Objects, chunks: Sequence[Chunk]) -> dict[str, int | 
     """Write chunks, several at once; return their sizes by name, None for empty ones."""
     files: dict[str, int | None] = {}
     with ThreadPoolExecutor(REQUESTS) as pool:
-        under_way: deque[Future[None]] = deque()
+        pending: deque[Future[None]] = deque()
         for chunk in chunks:
             content = encode(chunk.array, chunk.region)
             files[chunk.name] = None if content is None else len(content)
             if content is not None:
-                under_way.append(pool.submit(objects.put, chunk.name, content))
-            if len(under_way) > 2 * REQUESTS:
-                under_way.popleft().result()
-        for putting in under_way:
-            putting.result()
+                pending.append(pool.submit(objects.put, chunk.name, content))
+            if len(pending) > 2 * REQUESTS:
+                pending.popleft().result()
+        for future in pending:
+            future.result()
     return files
 
 
