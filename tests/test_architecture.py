@@ -82,11 +82,11 @@ def test_imports_go_one_way(path):
 
 
 @pytest.mark.parametrize("path", modules("benchmarks"), ids=name_of)
-def test_benchmarks_know_no_page(path):
+def test_benchmarks_never_import_docs(path):
     assert not {name for name in imports(path) if name.split(".")[0] == "docs"}
 
 
-def test_every_rule_is_of_a_room():
+def test_every_import_rule_names_an_existing_layer():
     rooms = {room(name_of(path)) for path in CODE}
     assert set(ROOMS) - {*OTHERS} <= rooms
     assert all(name in ROOMS or f"{name.partition('.')[0]}.*" in OTHERS for name in rooms)
@@ -107,7 +107,7 @@ def engine_imports(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("path", modules("sweeps/engine"), ids=name_of)
-def test_rooms_of_the_engine_import_from_those_below(path):
+def test_engine_packages_import_only_from_lower_layers(path):
     if name_of(path) in FRONT:
         return
     floor = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
@@ -116,7 +116,7 @@ def test_rooms_of_the_engine_import_from_those_below(path):
     assert all(floor[other] < floor[own] for other in others)
 
 
-def test_no_modules_of_the_engine_import_each_other():
+def test_engine_modules_have_no_import_cycles():
     left = {name_of(path): engine_imports(path) for path in modules("sweeps/engine")}
     left["sweeps.engine.command"] = set()  # which only names its `Command`
     while free := {name for name, needed in left.items() if not needed & left.keys()}:
@@ -125,12 +125,12 @@ def test_no_modules_of_the_engine_import_each_other():
 
 
 @pytest.mark.parametrize("path", modules("sweeps/engine"), ids=name_of)
-def test_the_engine_has_no_word_of_the_experiment(path):
+def test_engine_never_mentions_the_experiment(path):
     text = path.read_text(encoding="utf-8")  # its comments, too
     assert [line for line in text.splitlines() if re.search(OF_THE_EXPERIMENT, line)] == []
 
 
-def test_nothing_of_a_store_or_cache_is_unpickled():
+def test_stores_and_caches_are_never_unpickled():
     paths = [path for package in OURS for path in modules(package)]
     users = {str(path.relative_to(ROOT)) for path in paths if "pickle" in imports(path)}
     assert users == {
@@ -153,7 +153,7 @@ def is_private(name):
     return name.startswith("_") and not name.startswith("__")
 
 
-def test_private_names_of_other_packages_are_in_few_places():
+def test_uses_of_private_names_of_other_packages_are_listed():
     trees = {
         path.relative_to(ROOT).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
         for package in OURS

@@ -56,7 +56,7 @@ def test_a_number_is_refused_exactly_if_out_of_bounds(
         ("x" * 100, {}, f"wind is '{'x' * 76}..., but must be a finite number"),
     ],
 )
-def test_the_sentence(value, bounds, sentence):
+def test_error_message_states_value_and_bounds(value, bounds, sentence):
     with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
         require("wind", value, **bounds)
 
@@ -76,7 +76,7 @@ def test_the_sentence(value, bounds, sentence):
         ),
     ],
 )
-def test_the_sentence_has_the_unit(name, value, bounds, sentence):
+def test_error_message_states_the_unit(name, value, bounds, sentence):
     with pytest.raises(ValueError, match=f"^{re.escape(sentence)}$"):
         require(name, value, **bounds)
 
@@ -118,7 +118,7 @@ def test_the_first_wrong_element_is_named(values, sentence):
         },
     ),
 )
-def test_a_look_at_the_whole_is_a_look_at_every_element(values, bounds):
+def test_require_all_agrees_with_require_on_every_element(values, bounds):
     try:
         for value in values.ravel().tolist():
             require("x", value, **bounds)

@@ -61,7 +61,7 @@ def test_a_process_that_fails_is_ignored(monkeypatch, executable):
     assert PIECES.are_missing()
 
 
-def test_an_error_ends_the_other_process_at_once(folder, monkeypatch):
+def test_error_terminates_the_compiler_process_at_once(folder, monkeypatch):
     paths = [str(Path(__file__).parent), *sys.path]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
     start = time.monotonic()

@@ -102,9 +102,7 @@ def bucket(smoke_store, monkeypatch):
 
 @pytest.mark.usefixtures("quick_layout")
 @pytest.mark.parametrize("page", WITH_CODE, ids=lambda page: page.stem)
-def test_what_is_on_the_page_runs(
-    page, smoke_store, results, tmp_path, monkeypatch, capsys, request
-):
+def test_code_on_the_page_runs(page, smoke_store, results, tmp_path, monkeypatch, capsys, request):
     """The test executes code, runs scripts of the page and composes other commands, in order."""
     mpl.use("Agg")
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
@@ -146,7 +144,7 @@ def words_of(page, name):
     return [shlex.split(line) for block in blocks(page, "sh") for line in commands(block, name)]
 
 
-def test_who_follows_the_first_pages_in_order_is_never_refused(tmp_path, monkeypatch):
+def test_commands_of_first_pages_run_in_order(tmp_path, monkeypatch):
     """A command extends the store of an earlier one with the same `store=`, or without any."""
     monkeypatch.chdir(tmp_path)
     pages = (ROOT / "README.md", ROOT / "docs/quick_start.md", ROOT / "docs/sweeping.md")

@@ -13,13 +13,13 @@ def loaded_after(statement: str) -> set[str]:
     return set(done.stdout.split())
 
 
-def test_the_library_alone_loads_nothing_but_itself():
+def test_importing_ncti_loads_no_other_library():
     found = loaded_after("import ncti")
     assert {name for name in found if name.startswith("ncti")} == {"ncti"}
     assert not found & {"numpy", "scipy", "sklearn", "trimesh", "xarray"}
 
 
-def test_no_test_touches_the_cache_of_whoever_runs_it(tmp_path):
+def test_tests_never_touch_the_cache_of_the_user(tmp_path):
     """It holds also for examples of the library alone, with ships, which a cache keeps."""
     example = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "ncti/ships/loading.py")
     names = ("HOME", "XDG_CACHE_HOME", "SWEEP_CACHE", "NUMBA_CACHE_DIR")
@@ -32,7 +32,7 @@ def test_the_library_has_the_version_of_its_distribution():
     assert ncti.__version__ == metadata.version("ncti-sweep")
 
 
-def test_the_command_line_loads_no_library_that_takes_long():
+def test_command_line_loads_no_slow_library():
     found = loaded_after("from sweeps.app import make_command\nmake_command()")
     assert "sweeps.experiment" in found
     assert not found & {

@@ -70,7 +70,7 @@ class Halves:
         return self.rng.standard_normal(dtype=np.float32)
 
 
-def test_a_pair_is_what_numpy_makes_of_the_halves_of_a_word():
+def test_normal_pairs_match_numpy_for_both_halves_of_a_word():
     """Of 100,000 some 25 are beyond the lowest layer, and 1,000 are drawn again or evaluated."""
     numpys, [[stream]] = Halves(), streams(cells=CELLS[:1]).tolist()
     words = [word(stream, number) for number in range(-50, 50_000)]
@@ -81,14 +81,14 @@ def test_a_pair_is_what_numpy_makes_of_the_halves_of_a_word():
     np.testing.assert_array_equal(pairs[0].T, expected)
 
 
-def test_a_stream_is_named_by_frame_and_cell():
+def test_streams_are_keyed_by_frame_and_cell():
     numbers = streams(first=5, frames=2)
     for frame, row in enumerate(numbers.tolist(), start=5):
         of_frame = word(int(KEY[0]), frame)
         assert row == [word(word(of_frame, int(c)), int(r)) for c, r in CELLS]
 
 
-def test_places_are_those_of_the_run():
+def test_random_access_matches_sequential_draws():
     """They depend neither on the other places drawn nor on the order."""
     stream = streams(frames=3)
     number = np.array([7, 2, 2, 90, 0, 1, 40])
@@ -119,7 +119,7 @@ def test_neighbours_are_independent(axis):
     assert np.abs(correlations).max() < stats.norm.isf(level / 2 / len(correlations) / len(AXES))
 
 
-def test_they_are_normal():
+def test_draws_are_normally_distributed():
     """A million pass Kolmogorov and Smirnov's test at 1e-4: the distribution is within 0.0023."""
     drawn = run(streams(frames=5), 17_000)
     assert stats.kstest(drawn.ravel(), "norm").pvalue > 1e-4

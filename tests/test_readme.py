@@ -11,7 +11,7 @@ from sweeps.report.command import main
 README = ROOT / "README.md"
 
 
-def test_the_answer_shown_is_that_of_the_sweep(smoke_store, tmp_path, monkeypatch, capsys):
+def test_readme_answer_matches_the_sweep(smoke_store, tmp_path, monkeypatch, capsys):
     (tmp_path / "sweep.zarr").symlink_to(smoke_store, target_is_directory=True)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["ncti-report", "sweep.zarr"])
@@ -21,12 +21,12 @@ def test_the_answer_shown_is_that_of_the_sweep(smoke_store, tmp_path, monkeypatc
     assert "chance" in shown and " ".join(shown.split()) in printed
 
 
-def test_it_is_one_page():
+def test_readme_fits_on_one_page():
     assert len(text_of(README).split()) <= 700
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_every_picture_page_and_section_is_there(page):
+def test_every_linked_file_and_section_exists(page):
     for link in re.findall(r"\]\(([^)h][^)]*)\)", prose_of(page)):
         name, _, section = link.partition("#")
         found = (page.parent / name).resolve() if name else page

@@ -41,6 +41,7 @@ ARTICLE_VALUES = {Ladar.place: CORNER}
 SENSOR_TABLE = "sensor"  # the article's table of the sensor, which is compared at any setting
 LEARNED_ASPECTS = "learned"  # aspects that the article tests
 BIN_STARTS = (0, 30, 60)  # deg, lowest aspects of the article's bins
+DETECTOR_POSITIONS = {"shifted": 4}  # of the detector, with as many frames at each
 BOUND = "likelihood"
 BOUND_COLUMNS = ("classifier", "channel", "gain_sigma", "frame_count")  # columns that it needs
 
@@ -77,7 +78,7 @@ def _iter_nested(
 
 def add_comparisons(frame: Frame, attributes: Mapping[str, Any]) -> Frame:
     """Return a frame with the article's figures where they may be compared, and the bound."""
-    frame = _add_bound(frame)
+    frame = _add_bound(_add_total_frames(frame))
     axes = frame.names_by_axis
     article_numbers: dict[str, dict[Any, float]] = {
         name: {} for name in frame.columns_of_role("figure")
@@ -174,6 +175,19 @@ def _add_column(frame: Frame, figure: str, name: str, role: str, values: pd.Seri
     return replace(
         frame, rows=frame.rows.assign(**{name: values}), columns={**frame.columns, name: column}
     )
+
+
+def _add_total_frames(frame: Frame) -> Frame:
+    """Return a frame with the number of frames of an image over all detector positions."""
+    axes = frame.names_by_axis
+    if "super_resolution" not in axes:
+        return frame
+    counts = frame.rows[axes.get("infrared_frame_count", axes["frame_count"])]
+    positions = frame.rows[axes["super_resolution"]].map(lambda way: DETECTOR_POSITIONS.get(way, 1))
+    if "infrared_frame_count" in axes and "frame_count" in axes:
+        counts = counts.fillna(frame.rows[axes["frame_count"]])
+    totals = (counts * positions).where(frame.rows[axes["super_resolution"]].notna())
+    return _add_column(frame, frame.columns_of_role("figure")[0], "frames_in_all", "beside", totals)
 
 
 def _add_bound(frame: Frame) -> Frame:

@@ -50,7 +50,7 @@ def test_all_methods_draw_the_same_view(timed_views):
     assert max(pixels) - min(pixels) < 0.05 * min(pixels)
 
 
-def test_all_methods_have_the_error_of_their_lattice_but_one(timed_views):
+def test_pixel_methods_have_the_error_of_their_lattice(timed_views):
     """The depth of an orthographic camera is wrong in pyrender; lines err less than pixels."""
     error = {
         row["method"]: row["no_pulse_percent"].median
@@ -108,7 +108,7 @@ def test_each_step_is_timed_alone(monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "named"), [(["--repeats", "0"], "--repeats is 0"), (["--ship", "ark"], "ark")]
 )
-def test_wrong_arguments_exit_with_one_sentence(arguments, named, capsys):
+def test_invalid_arguments_exit_with_a_one_line_error(arguments, named, capsys):
     with pytest.raises(SystemExit) as caught:
         command.main(arguments)
     assert caught.value.code == 2

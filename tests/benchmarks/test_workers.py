@@ -3,7 +3,7 @@
 from benchmarks import toy, workers
 
 
-def test_few_workers_compute_cells_that_sleep(monkeypatch):
+def test_scheduler_benchmark_runs_with_few_workers(monkeypatch):
     monkeypatch.setattr(workers, "HOSTS", 1)
     (row,) = workers.measure(counts=(3,), calls=4).rows
     assert row["workers"] == 3 and row["cells"] == 12 and 1 <= row["tasks"] <= 12

@@ -180,7 +180,7 @@ def shares(stores, named):
 
 
 @pytest.mark.parametrize("name", SHARES)
-def test_each_share_of_right_answers_is_within_what_is_claimed(shares, name):
+def test_each_accuracy_is_within_its_claimed_bounds(shares, name):
     """The network names ships at the bow, but hardly abeam; likelihood names them there, too.
 
     Both sensors name all at 25 and 50 km; silhouettes name them at 25 km, but hardly at 100 km.
@@ -197,7 +197,7 @@ def test_each_share_of_right_answers_is_within_what_is_claimed(shares, name):
     ("better", "worse"),
     [("gain known", "gain unknown"), ("gain unknown", "acn"), ("gain known", "correlation")],
 )
-def test_who_knows_more_names_no_less(named, better, worse):
+def test_better_informed_classifiers_are_no_less_accurate(named, better, worse):
     """Where views differ, the better one wins as many as a fair coin would give, or more."""
     better, worse = of_views(named[better]), of_views(named[worse])
     wins, losses = (better > worse).sum(), (better < worse).sum()
@@ -205,9 +205,7 @@ def test_who_knows_more_names_no_less(named, better, worse):
 
 
 @pytest.mark.parametrize("name", ["gain known", "gain unknown"])
-def test_fresh_aspects_are_named_as_learned_ones_from_templates_a_degree_and_a_half_apart(
-    named, name
-):
+def test_fresh_aspects_are_identified_as_often_as_learned_ones(named, name):
     right = named[name]
     share = right.mean([dim for dim in right.dims if dim != "aspect"])
     learned = is_multiple(right.aspect, 1.5)
@@ -216,7 +214,7 @@ def test_fresh_aspects_are_named_as_learned_ones_from_templates_a_degree_and_a_h
     assert test.pvalue >= LEVEL, (float(share[learned].mean()), float(share[~learned].mean()))
 
 
-def test_to_reject_unknown_ships_costs_most_of_the_of_the_known_ones(stores):
+def test_rejecting_unknown_ships_loses_most_known_ones(stores):
     """The correlation classifier rejects nine in ten answers to unknown ships.
 
     An empirical distribution of n independent values is off by more than sqrt(ln(2 / p) / (2 n))
@@ -238,7 +236,7 @@ def test_to_reject_unknown_ships_costs_most_of_the_of_the_known_ones(stores):
 # Both sensors
 
 
-def test_both_sensors_name_no_less_than_either(stores):
+def test_fusion_is_no_less_accurate_than_either_sensor(stores):
     for distance in (25, 50, 100):
         right = {
             name: of_views(answers(stores["both"], "fusion", channel=name, range=distance))

@@ -26,7 +26,7 @@ def fit(X, y=None, **parameters) -> AdaptiveClusteringNetwork:
 
 @pytest.mark.filterwarnings("ignore::sklearn.exceptions.ConvergenceWarning")
 @pytest.mark.parametrize("seed", range(20))
-def test_vectors_of_any_length_form_the_categories_of_the_plain_rule(seed):
+def test_categories_match_plain_rule_for_any_vector_norm(seed):
     rng = np.random.default_rng(seed)
     X = rng.random((60, 5)) * 10.0 ** rng.uniform(-3.0, 3.0, (60, 1))
     X /= X.max()
@@ -40,18 +40,18 @@ def test_vectors_of_any_length_form_the_categories_of_the_plain_rule(seed):
     np.testing.assert_allclose(network.categories_, traces[live], rtol=0, atol=1e-12)
 
 
-def test_of_equal_matches_the_oldest_wins():
+def test_oldest_category_wins_ties():
     network = fit(np.eye(2), y=["north", "east"])
     assert network.predict([[1.0, 1.0]]) == ["north"]
 
 
-def test_the_most_frequent_ship_names_the_category_and_the_first_wins_a_tie():
+def test_category_label_is_the_first_most_frequent_ship():
     X = on_a_circle(0, 1, 2, 90, 91)
     network = fit(X, y=["texas", "duncan", "texas", "roberts", "horne"], vigilance=0.9)
     np.testing.assert_array_equal(network.category_labels_, ["texas", "horne"])
 
 
-def test_a_category_that_lost_its_vectors_does_not_answer():
+def test_categories_without_vectors_are_dropped():
     # The first two found a category half-way between them; the others found neighbours on
     # both sides and draw them closer, so that on the second pass each of the first two leaves.
     X = on_a_circle(20, 39.8, 9.7, 19.5, 50.1, 40.4)
@@ -75,7 +75,7 @@ def test_opposite_vectors_that_cancel_leave_no_nan():
 
 
 @pytest.mark.parametrize("learning", [False, True])
-def test_zero_vectors_take_no_part(learning):
+def test_zero_vectors_are_ignored(learning):
     network = fit(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), y=["west", "north", "east"])
     np.testing.assert_array_equal(network.labels_, [-1, 0, 1])
     category, similarity = network.match(np.zeros((2, 2)), learning=learning)
@@ -83,7 +83,7 @@ def test_zero_vectors_take_no_part(learning):
     assert network.predict(np.zeros((1, 2))) == ["north"]
 
 
-def test_what_cannot_be_learnt_is_refused():
+def test_invalid_training_data_or_parameters_are_refused():
     with pytest.raises(ValueError, match="only zero vectors"):
         fit(np.zeros((3, 2)))
     with pytest.raises(ValueError, match="NaN"):
@@ -97,7 +97,7 @@ def test_what_cannot_be_learnt_is_refused():
 # The test phase --------------------------------------------------------------------------------
 
 
-def test_matching_is_the_largest_cosine():
+def test_match_maximises_the_cosine():
     X = np.random.default_rng(6).random((60, 20))
     network = fit(X, y=np.arange(60) % 4)
     noisy = X + np.random.default_rng(0).normal(0.0, 0.1, X.shape)
@@ -109,7 +109,7 @@ def test_matching_is_the_largest_cosine():
     np.testing.assert_array_equal(network.predict(noisy), network.category_labels_[category])
 
 
-def test_learning_in_the_test_phase_follows_the_plain_rule_and_forgets_it():
+def test_match_with_learning_follows_plain_rule_then_resets():
     X = np.random.default_rng(8).random((60, 20))
     network = fit(X, learning_rate=0.3)
     before = network.categories_.copy()

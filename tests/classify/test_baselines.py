@@ -14,7 +14,7 @@ def test_it_is_a_scikit_learn_classifier(estimator, check):
     check(estimator)
 
 
-def test_equal_matches_go_to_the_first():
+def test_ties_go_to_the_first_template():
     """Repeats take all places in a blocked product, as rounding may differ by place."""
     rng = np.random.default_rng(6)
     X = np.tile(rng.standard_normal((5, 250)), (11, 1)) * rng.uniform(0.1, 9.0, (55, 1))
@@ -38,7 +38,7 @@ def test_zero_vectors_match_nothing():
 
 
 @pytest.mark.parametrize("shape", [(9, 30), (30,), (1, 9)])
-def test_templates_left_out_are_one_value_or_of_a_shape_that_fits(shape):
+def test_exclude_of_wrong_shape_is_refused(shape):
     """`test_blocks` compares the answers with those of all cosines."""
     rng = np.random.default_rng(7)
     neighbour = CorrelationNeighbour().fit(rng.standard_normal((9, 20)), np.arange(9))

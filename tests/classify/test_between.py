@@ -23,7 +23,7 @@ def parabola(aspect, curvature=0.02):
 
 
 @pytest.mark.parametrize("aspect", [[10, 20, 30, 40], [0.0, 7.0, 11.0, 30.0, 31.0]])
-def test_a_parabola_has_its_own_tangent_and_half_its_second_difference(aspect):
+def test_tangents_and_residuals_are_exact_for_parabolas(aspect):
     """Both are exact for polynomials of the second degree, except the slope at open ends."""
     aspect = np.array(aspect, dtype=float)
     tangent, residual = cells(parabola(aspect), np.zeros(len(aspect)), aspect, WHITE)
@@ -81,7 +81,7 @@ def fresh(count=120, frames=16, noise=0.5):
     return means + noise / np.sqrt(frames) * rng.normal(size=means.shape)
 
 
-def test_probabilities_at_fresh_aspects_are_not_too_sure():
+def test_posteriors_at_unseen_aspects_are_not_overconfident():
     """Calibrated errors lower the negative log-likelihood, and avoid overconfident answers.
 
     The share of wrong ones among 360 answers is below the mean claim plus 3 standard errors.
@@ -127,7 +127,7 @@ def test_errors_are_calibrated_on_averages_of_sixteen_frames(monkeypatch):
 
 
 @pytest.mark.parametrize("added", [0.25, 1.0])
-def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
+def test_likely_outlier_fraction_matches_grid_search(added):
     """Compare with the sum's maximum on a grid of 1 in 1,000 of fractions, for several weights."""
     rng = np.random.default_rng(10)
     sure = rng.beta(5, 1, 80)
@@ -151,7 +151,7 @@ def test_the_likely_outlier_fraction_is_that_of_a_search_of_all(added):
     )
 
 
-def test_outliers_bound_what_a_sensor_outweighs_and_name_no_other_label():
+def test_outlier_fraction_mixes_posterior_with_uniform():
     """With outlier fraction e the posterior is (1 - e) p + e / labels, by definition."""
     scores = np.random.default_rng(8).normal(scale=30, size=(50, 6))
     uneven = np.array([0, 0, 0, 1, 1, 2])
@@ -160,7 +160,7 @@ def test_outliers_bound_what_a_sensor_outweighs_and_name_no_other_label():
     np.testing.assert_allclose(softened, 0.94 * plain + 0.06 / 3, rtol=1e-9)
 
 
-def test_outlier_fractions_of_each_template():
+def test_outlier_fractions_apply_per_template():
     """Scores become log((1 - e) p + e) with p relative to its mean; e = 1 removes them."""
     scores = np.random.default_rng(8).normal(size=(5, 4))
     outlier_fractions = np.array([0.0, 0.2, 1.0, 1.0])

@@ -13,7 +13,7 @@ from ncti.classify.directions import unit_vectors
 
 
 @given(count=st.integers(0, 3000), half=st.integers(1, 500))
-def test_blocks_cover_all_rows_once_and_leave_no_single_one(count, half):
+def test_row_blocks_cover_rows_once_without_singletons(count, half):
     blocks = list(row_blocks(count, 2 * half))
     assert [row for block in blocks for row in range(block.start, block.stop)] == [*range(count)]
     sizes = [block.stop - block.start for block in blocks]
@@ -29,7 +29,7 @@ def test_blocks_cover_all_rows_once_and_leave_no_single_one(count, half):
     hidden=st.sampled_from(["none", "all alike", "each its own"]),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_matches_in_blocks_are_those_of_all_cosines(samples, templates, features, hidden, seed):
+def test_blocked_matches_equal_plain_cosines(samples, templates, features, hidden, seed):
     rng = np.random.default_rng(seed)
     X, T = rng.standard_normal((samples, features)), rng.standard_normal((templates, features))
     T[-1] = T[0]  # equal matches
@@ -55,7 +55,7 @@ def test_matches_in_blocks_are_those_of_all_cosines(samples, templates, features
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_memory_of_matches_is_in_proportion_to_their_number(hidden):
+def test_match_memory_grows_linearly(hidden):
     def peak(count):
         vectors = np.random.default_rng(1).standard_normal((count, 12))
         neighbour = CorrelationNeighbour().fit(vectors, np.arange(count) % 5)

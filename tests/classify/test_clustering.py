@@ -49,7 +49,7 @@ def assert_is_plain_rule(training, tests, order, *, vigilance, learning_rate, ma
 @pytest.mark.parametrize("vigilance", [0.0, 0.8, 0.95, 1.0])
 @pytest.mark.parametrize("learning_rate", [0.01, 0.5, 1.0])
 @pytest.mark.parametrize("max_passes", [1, 50])
-def test_it_is_the_plain_rule(vigilance, learning_rate, max_passes):
+def test_clustering_follows_the_plain_rule(vigilance, learning_rate, max_passes):
     """Test random vectors of several lengths, with zero vectors, in random order."""
     rng = np.random.default_rng(3)
     groups = rng.normal(size=(6, 30))
@@ -90,7 +90,7 @@ def test_samples_left_out_of_the_order_are_not_learned(features):
     np.testing.assert_allclose(cosine, same, atol=1e-13)
 
 
-def test_memory_is_in_proportion_to_the_vectors():
+def test_clustering_memory_grows_linearly():
     def peak(count):
         vectors = np.random.default_rng(1).normal(size=(count, 12))
         found = []

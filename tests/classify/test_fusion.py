@@ -61,7 +61,7 @@ def apart(rng, samples, distance):
     return -((noisy[:, None] - [0.0, distance]) ** 2) / 2, truth
 
 
-def test_a_sensor_that_is_always_right_does_not_drown_another():
+def test_always_correct_sensor_does_not_dominate_fusion():
     """124 correct looks make the next correct by 125 to 1 at most, which limits its score.
 
     That sensor favours label 1; another one favours label 0 by 2.5 log(126), and wins.
@@ -75,7 +75,7 @@ def test_a_sensor_that_is_always_right_does_not_drown_another():
     assert posterior[0, 0] > 0.99
 
 
-def test_calibrated_probabilities_come_true():
+def test_calibrated_probabilities_match_frequencies():
     """Scores in wrong units, calibrated on other looks, give true frequencies per tenth.
 
     Chi-square test of 8,000 answers over tenths of probability at a level of 1e-3.
@@ -99,7 +99,7 @@ def test_calibrated_probabilities_come_true():
     assert sum(terms) < stats.chi2.isf(1e-3, len(terms))
 
 
-def test_two_sensors_together_are_the_sensor_with_both_views():
+def test_fused_scores_equal_joint_sensor_scores():
     """The scores of independent halves of a look add up to the score of the look."""
     rng = np.random.default_rng(4)
     templates = rng.normal(size=(20, 8))
@@ -113,7 +113,7 @@ def test_two_sensors_together_are_the_sensor_with_both_views():
     np.testing.assert_allclose(np.diff(fused, axis=1), np.diff(joint, axis=1), atol=1e-9)
 
 
-def test_phases_held_out_in_blocks_are_those_of_all_rows_together():
+def test_blocked_held_out_fit_equals_fit_of_all_rows():
     """Test more templates than a block has rows, with scores in single precision."""
     phases, ships, aspects = 3, 4, 60
     rng = np.random.default_rng(3)

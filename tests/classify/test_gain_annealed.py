@@ -61,7 +61,7 @@ def layers(network: Network) -> tuple[Layer, Layer]:
 # The node and its gradient ---------------------------------------------------------------------
 
 
-def test_a_node_answers_as_the_article_prints_it_but_for_the_sign():
+def test_outputs_match_printed_formula_up_to_sign():
     rng = np.random.default_rng(0)
     X, y = bumps(rng)
     network = fit(X, y, epochs=60, scaling="common")
@@ -81,7 +81,7 @@ def test_a_node_answers_as_the_article_prints_it_but_for_the_sign():
 
 @pytest.mark.parametrize("level", [0.1, 1.0, 3.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_gradient_is_that_of_the_loss(seed, level):
+def test_gradient_matches_finite_differences(seed, level):
     """Compare with central differences in every weight, offset and gain.
 
     They err by h^2/6 |f'''| and eps |f| / h. At h = 1e-5 the third derivative, up to some
@@ -143,7 +143,7 @@ def level_after(epochs, **parameters):
     return network.gains_[0][0]
 
 
-def test_the_gain_rises_in_equal_ratios_with_the_cycles():
+def test_gain_schedule_is_geometric():
     schedule = {"initial_gain": 0.25, "final_gain": 4.0, "max_hidden": 5, "grow_every": 3}
     levels = [level_after(epochs, **schedule) for epochs in range(1, 19)]
     expected = np.repeat([0.25, 0.5, 1.0, 2.0, 4.0, 4.0], 3)
@@ -153,7 +153,7 @@ def test_the_gain_rises_in_equal_ratios_with_the_cycles():
 # Any numbers -----------------------------------------------------------------------------------
 
 
-def test_what_cannot_be_meant_is_refused():
+def test_invalid_arguments_are_refused():
     X, y = bumps(np.random.default_rng(14))
     with pytest.raises(ValueError, match=r"^initial_gain is 2.0, but must be .* at most 1$"):
         fit(X, y, initial_gain=2.0)

@@ -39,7 +39,7 @@ def lower_band(dense):
 
 @pytest.mark.parametrize("gain_sigma", [0.0, 3.0])
 @pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
-def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_sigma, floor_sigma):
+def test_multi_place_density_is_mean_of_single_place_densities(gain_sigma, floor_sigma):
     """With equal priors densities are averaged; the tolerance is rounding of some hundred nats."""
     means, floor, dense = templates(count=4 * 3)
     by_place, band = means.reshape(4, 3, BINS), lower_band(dense[:4])
@@ -62,7 +62,7 @@ def test_a_template_of_several_places_is_the_mean_of_one_template_a_place(gain_s
         )
 
 
-def test_places_that_are_one_change_nothing_with_a_template_error():
+def test_duplicate_places_change_nothing_with_template_error():
     """Two equal places have the mean of two equal densities, which is that density."""
     means, floor, dense = templates(count=6)
     labels, aspect = ["duncan"] * 3 + ["horne"] * 3, [0.0, 2.0, 4.0] * 2
@@ -83,9 +83,7 @@ def test_places_that_are_one_change_nothing_with_a_template_error():
 @pytest.mark.parametrize("floor_sigma", [0.0, 0.7])
 @pytest.mark.parametrize("gain_sigma", [0.0, 0.05, 3.0])
 @pytest.mark.parametrize("diagonal_loading", [0.0, 0.1])
-def test_log_likelihood_is_that_of_a_dense_gaussian(
-    gain_sigma, floor_sigma, diagonal_loading, frames
-):
+def test_log_likelihood_matches_a_dense_gaussian(gain_sigma, floor_sigma, diagonal_loading, frames):
     """Unknowns of an average are integrated out; posteriors follow by Bayes's rule.
 
     Two triangular solves with condition numbers below 1e5 err by 1e-10 of some hundred nats.
@@ -128,7 +126,7 @@ def test_a_template_error_is_the_same_in_all_frames(frames):
         )
 
 
-def test_templates_left_out_are_as_if_never_given():
+def test_excluding_templates_equals_fitting_without_them():
     means, floor, dense = templates()
     X = means + 0.3
     # Diagonal loading and floor have their units from all templates given.
@@ -147,7 +145,7 @@ def test_templates_left_out_are_as_if_never_given():
     np.testing.assert_array_equal(rest.predict(X, 4), rest.classes_[best])
 
 
-def test_a_covariance_that_is_not_positive_definite_is_refused():
+def test_non_positive_definite_covariance_is_refused():
     means, floor, _ = templates()
     with pytest.raises(ValueError, match=r"^diagonal_loading is 0\.001.*covariance\[0\]"):
         GaussianTemplates().fit(means, np.zeros((4, 1, BINS)), LABELS, floor)
@@ -156,7 +154,7 @@ def test_a_covariance_that_is_not_positive_definite_is_refused():
 @given(
     st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 40), st.sampled_from([1, 64, 150])
 )
-def test_whitening_solves_each_column_as_if_alone(seed, bins, lags, count):
+def test_whitening_is_independent_per_column(seed, bins, lags, count):
     rng = np.random.default_rng(seed)
     factor = rng.uniform(-0.3, 0.3, (min(lags, bins), bins)) / lags
     factor[0] = rng.uniform(1.0, 2.0, bins)
@@ -173,7 +171,7 @@ def test_whitening_solves_each_column_as_if_alone(seed, bins, lags, count):
     *(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 40)),
     *(st.sampled_from([1, 64, 150]), st.integers(0, 3)),
 )
-def test_products_of_whitened_vectors_are_those_of_each_alone(seed, bins, lags, count, number):
+def test_band_products_match_whitening_per_vector(seed, bins, lags, count, number):
     rng = np.random.default_rng(seed)
     factor = rng.uniform(-0.3, 0.3, (min(lags, bins), bins)) / lags
     factor[0] = rng.uniform(1.0, 2.0, bins)

@@ -11,13 +11,13 @@ from ncti.classify.misfit import log_fit
 
 
 @given(distance=st.floats(0, 1e3), bins=st.integers(2, 400))
-def test_is_the_upper_tail_of_chi_squared(distance, bins):
+def test_log_fit_is_the_upper_chi_squared_tail(distance, bins):
     fit = log_fit(np.array([[-distance / 2]]), [0.0], bins)[0, 0]
     if (exact := chi2.sf(distance, bins)) > 1e-280:
         assert fit == pytest.approx(np.log(exact), rel=1e-9, abs=1e-12)
 
 
-def test_falls_on_where_the_tail_is_smaller_than_any_number():
+def test_log_fit_keeps_decreasing_beyond_underflow():
     """The series starts within a part in a thousand, and decreases without end."""
     distance = np.geomspace(1.0, 1e9, 20_000)
     fit = log_fit(-distance[:, None] / 2, [0.0], 250)[:, 0]
@@ -28,7 +28,7 @@ def test_falls_on_where_the_tail_is_smaller_than_any_number():
 
 
 @pytest.mark.parametrize(("gain", "floor"), [(0.0, 0.0), (0.3, 2.0)])
-def test_samples_of_a_template_are_uniform(gain, floor):
+def test_fits_of_template_samples_are_uniform(gain, floor):
     """2,000 averages drawn from the full model pass a Kolmogorov-Smirnov test at level 1e-4."""
     rng = np.random.default_rng(8)
     bins, frames, count = 40, 4, 2000
@@ -46,7 +46,7 @@ def test_samples_of_a_template_are_uniform(gain, floor):
     assert kstest(share, "uniform").pvalue > 1e-4
 
 
-def test_the_mean_of_a_template_is_its_peak():
+def test_likelihood_peaks_at_the_template_mean():
     rng = np.random.default_rng(9)
     means = rng.exponential(size=(3, 30))
     templates = GaussianTemplates(template_error=0.5)

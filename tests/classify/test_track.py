@@ -14,7 +14,7 @@ SHIP = np.full(AT.size, "duncan")
 
 
 @given(tracked=st.floats(-20, 110), sigma=st.floats(0.05, 200))
-def test_is_the_mass_of_a_cell(tracked, sigma):
+def test_prior_is_the_normal_mass_of_each_cell(tracked, sigma):
     prior = aspect_prior(AT, SHIP, [tracked], sigma=sigma)[0]
     edges = np.concatenate([[AT[0] - 1.0], (AT[1:] + AT[:-1]) / 2, [AT[-1] + 1.0]])
     mass = sum(np.diff(norm.cdf(edges + turn, tracked, sigma)) for turn in (-360, 0, 360))
@@ -23,7 +23,7 @@ def test_is_the_mass_of_a_cell(tracked, sigma):
 
 
 @given(tracked=st.floats(-360, 720))
-def test_without_error_it_is_the_nearest_template(tracked):
+def test_zero_sigma_prior_selects_the_nearest_template(tracked):
     """This holds on a full circle, for aspects counted in either direction."""
     aspects = np.arange(0.0, 360.0, 3.0)
     prior = aspect_prior(aspects, np.full(aspects.size, "texas"), [tracked], sigma=0.0)[0]
@@ -37,14 +37,14 @@ def test_without_error_it_is_the_nearest_template(tracked):
 
 
 @given(shift=st.floats(-360, 360), sigma=st.floats(0.1, 90))
-def test_turning_everything_changes_nothing(shift, sigma):
+def test_prior_is_rotation_invariant(shift, sigma):
     aspects = np.arange(0.0, 360.0, 72.0)
     turned = aspect_prior((aspects + shift) % 360, np.zeros(5), [(15.0 + shift) % 360], sigma=sigma)
     before = aspect_prior(aspects, np.zeros(5), [15.0], sigma=sigma)
     np.testing.assert_allclose(np.exp(turned), np.exp(before), atol=1e-9)
 
 
-def test_posterior_by_hand_with_priors_and_templates_left_out():
+def test_posterior_with_priors_and_exclusions_matches_formula():
     """Each sample has its own exclusions; excluded scores are best and would overflow exp."""
     rng = np.random.default_rng(3)
     scores, prior = rng.normal(0, 3, (2, 6, 9))
@@ -69,7 +69,7 @@ def test_posterior_by_hand_with_priors_and_templates_left_out():
         np.testing.assert_allclose(alone[0], expected[row], rtol=1e-12)
 
 
-def test_a_track_tells_ships_apart_that_look_alike_at_other_aspects():
+def test_track_prior_resolves_ambiguous_profiles():
     """Two ships with profiles exchanged between two aspects are separable only by the track."""
     means = np.array(
         [[0.0, 1, 0, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 1, 0, 0], [0, 1, 0, 0, 0, 0]]
@@ -90,7 +90,7 @@ def test_a_track_tells_ships_apart_that_look_alike_at_other_aspects():
         *(("tracked", 3.0), ("tracked", [np.inf])),
     ],
 )
-def test_wrong_arguments_are_refused(name, value):
+def test_invalid_arguments_are_refused(name, value):
     good = {"aspect": [0.0, 10.0], "labels": ["a", "a"], "tracked": [3.0], "sigma": 1.0}
     with pytest.raises(ValueError, match=f"^{name}"):
         aspect_prior(**(good | {name: value}))

@@ -82,7 +82,7 @@ def on_cells(cell, area, cells):
     return np.array([rows.get(key, np.zeros(area.shape[1])) for key in cells])
 
 
-def test_pixels_err_by_less_than_required():
+def test_pixel_errors_meet_the_requirement():
     """The error of single IFOVs is at most twice the bounds for the whole ship.
 
     IFOVs cut the ship into some four pieces a bin, whose errors are independent.
@@ -95,7 +95,7 @@ def test_pixels_err_by_less_than_required():
     assert single.max() < 2.0 * metric.WORST
 
 
-def test_lines_err_by_less_than_a_thousandth():
+def test_median_line_error_is_below_one_thousandth():
     """With pulse and 0.25 m spacing the ship's median error is below 0.001, of IFOVs 0.0017."""
     errors = ship_errors(by_lines, GRID + ANY, metric.PULSE)
     assert np.median(errors) < 0.001
@@ -110,7 +110,7 @@ def test_lines_err_by_less_than_a_thousandth():
     ("extent", "steps", "least"),
     [(by_pixels, (0.5, 0.25, 0.125), metric.SLOPE), (by_lines, (1.0, 0.5, 0.25), 1.4)],
 )
-def test_error_falls_with_the_distance_of_samples(extent, steps, least, pulse_width):
+def test_error_converges_with_sample_spacing(extent, steps, least, pulse_width):
     """An outline of length L meets L/d lines at independent phases, so d^2 sqrt(L/d)."""
     errors = [ship_errors(extent, GRID, pulse_width, step).mean() for step in steps]
     assert metric.slope(steps, errors) > least
@@ -118,7 +118,7 @@ def test_error_falls_with_the_distance_of_samples(extent, steps, least, pulse_wi
 
 @pytest.mark.parametrize("spacing", [1.0, 0.5, 0.25])
 @pytest.mark.parametrize("pulse_width", [0.0, 10e-9, metric.PULSE])
-def test_lines_know_their_error(spacing, pulse_width):
+def test_line_error_estimate_bounds_the_true_error(spacing, pulse_width):
     """The estimate bounds at least 95 % of errors, and is within three times them in the median.
 
     Three ships at the article's depression are tested, which is rare among the views that the
@@ -143,7 +143,7 @@ def most_misses(count, level=1e-3):
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(tolerance):
+def test_tolerance_bounds_the_error_without_excess_lines(tolerance):
     """Stopping once the bound is small enough does not make the bound less reliable."""
     rng = np.random.default_rng(round(1e5 * tolerance))
     results = []
@@ -168,7 +168,7 @@ def test_a_tolerance_bounds_the_error_and_costs_no_more_lines_than_it_must(toler
 
 
 @pytest.mark.parametrize("tolerance", [2e-3, 2e-4])
-def test_a_tolerance_holds_at_the_range_of_the_sensor(tolerance):
+def test_tolerance_holds_at_finite_range(tolerance):
     """Compare each ship once with the reference at a finite range."""
     rng = np.random.default_rng(round(1e5 * tolerance))
     misses = 0
@@ -200,7 +200,7 @@ def test_small_bodies_are_within_the_tolerance(size, aspect, depression, toleran
 
 
 @pytest.mark.parametrize(("aspect", "tolerance"), [(181.07, 1e-4), (90.3, 2e-4)])
-def test_faces_across_the_sight_keep_a_tolerance_that_their_wavefront_bends(aspect, tolerance):
+def test_perpendicular_faces_meet_tolerance_with_curved_wavefront(aspect, tolerance):
     """A wavefront bends by less than 1/1000 bin over a transom, but this affects all its area.
 
     There is no pulse, because it would blur out area in the wrong one of two bins.

@@ -43,7 +43,7 @@ def test_box(aspect, depression):
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (2.7, 0.0), (-1.3, 0.4), (15.0, -0.2)])
-def test_tilted_plate_in_every_cell(slope):
+def test_tilted_plate_matches_closed_form_in_every_cell(slope):
     """A plate's range grows linearly over it, so a bin is a strip and a cell cuts it short."""
     plate = rectangle(-4.0, 3.0, -2.0, 1.0, 0.3, slope, **VIEW)
     extent = reference_range_extent(plate, **VIEW, bin_edges=EDGES, side=2.5)
@@ -62,7 +62,7 @@ def test_tilted_plate_in_every_cell(slope):
 
 
 @pytest.mark.parametrize("slant_range", [None, 1e3, 100.0])
-def test_sphere_is_approached_as_its_facets_shrink(slant_range):
+def test_icosphere_converges_quadratically_to_sphere(slant_range):
     """Facets of side h lie h^2 below a sphere, so halving h quarters the error."""
     edges = np.arange(-11.0, 2.0)
     expected = closed_forms.sphere(10.0, edges, slant_range or np.inf)
@@ -89,7 +89,7 @@ def test_outline_of_a_box_at_a_finite_range(aspect, depression, slant_range):
 
 
 @pytest.mark.parametrize(("slant_range", "width"), [(31e3, 0.003), (1e3, 0.05)])
-def test_plate_across_the_line_of_sight_is_cut_along_circles(slant_range, width):
+def test_perpendicular_plate_is_binned_into_rings(slant_range, width):
     """Range grows by s^2 / 2R with the distance s from the middle, so bins are rings."""
     plate = rectangle(-30.0, 30.0, -30.0, 30.0, 0.0, **VIEW)
     edges = width * (np.arange(30) - 0.37)

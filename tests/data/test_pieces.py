@@ -47,7 +47,7 @@ def store(tmp_path_factory, cache):
     return path, finished
 
 
-def test_rows_are_those_of_the_library_to_the_bit(store):
+def test_stored_rows_equal_library_rows_bit_for_bit(store):
     path, _ = store
     expected = same(3 * ROWS_OF_A_PIECE)
     for chunks in (None, {}):
@@ -56,20 +56,20 @@ def test_rows_are_those_of_the_library_to_the_bit(store):
         np.testing.assert_array_equal(ours, theirs)
 
 
-def test_more_pieces_compute_those_alone(store):
+def test_adding_pieces_computes_only_the_new_ones(store):
     _, finished = store
     computed = {name: step.done for name, step in finished.progress.items() if "_rows" in name}
     assert computed == {"profile_rows": 2, "silhouette_rows": 2}
 
 
-def test_rows_of_a_store_have_no_split(store):
+def test_row_stores_refuse_split_and_selectors(store):
     path, _ = store
     for wrong in ({"split": "test"}, {"classifier_group": "acn"}, {"pulse_width": 30}):
         with pytest.raises(ValueError, match=rf"^{next(iter(wrong))} is\b"):
             ncti.load_xy(path, **wrong)
 
 
-def test_rows_of_other_settings_stand_beside_one_another(tmp_path, cache):
+def test_rows_of_several_settings_share_a_store(tmp_path, cache):
     few = ("sensor=dataset", "grid.ship=duncan", "grid.frame_count=1", "dataset.rows=4")
     swept(
         tmp_path / "s.zarr", cache, *few, "ladar.target_free_ifovs=[0,100]", "grid.pulse_width=30"

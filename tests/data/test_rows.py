@@ -48,17 +48,17 @@ def whole():
 
 @settings(max_examples=25, deadline=None)
 @given(first=st.integers(0, 39), count=st.integers(1, 40))
-def test_rows_depend_on_their_numbers_alone(whole, first, count):
+def test_rows_depend_only_on_their_numbers(whole, first, count):
     """This holds for rows that share a view or an image at other ranges, and for others."""
     count = min(count, 40 - first)
     assert rows_of(count, first=first).identical(whole[{"row": slice(first, first + count)}])
 
 
-def test_rows_are_those_of_any_number_of_processes(whole):
+def test_rows_do_not_depend_on_worker_count(whole):
     assert rows_of(40, workers=2).identical(whole)
 
 
-def test_what_is_drawn_does_not_depend_on_other_parameters(whole):
+def test_draws_do_not_depend_on_other_parameters(whole):
     plain = rows_of(40, gain=1.0, floor=0.0)
     for name in ("ship", "aspect", "slant_range", "pulse_width", "cnr", "frames"):
         np.testing.assert_array_equal(plain[name], whole[name])
@@ -79,7 +79,7 @@ def test_ships_have_equal_numbers_of_views():
     np.testing.assert_array_equal(later, np.repeat(names.reshape(-1), 2)[17:24])
 
 
-def test_expected_profiles_are_those_of_a_simulation(monkeypatch):
+def test_expected_profiles_equal_simulated_ones(monkeypatch):
     """Both use the same lines and place on the IFOVs, and the far field if allowed."""
     corner = partial(range_extent, shift=(0.0, 0.0))
     monkeypatch.setattr(ncti.data.views, "range_extent", lambda *a, shift, **k: corner(*a, **k))
@@ -148,7 +148,7 @@ def test_rows_have_the_mean_and_covariance_of_their_frames():
     assert stats.chi2.sf(count * ((np.diag(wrong) - 1) ** 2).sum() / 2, directions) < LEVEL
 
 
-def test_silhouettes_without_noise_are_those_of_a_simulation():
+def test_noiseless_silhouettes_equal_simulated_ones():
     """Each has its own place on the pixels, drawn first in its stream, modulo whole pixels."""
     nothing = {"nedt": 1e-3, "target_spread": 0.0, "sea_spread": 0.0}
     imager = replace(IMAGER, **nothing)
@@ -169,7 +169,7 @@ def test_silhouettes_without_noise_are_those_of_a_simulation():
         np.testing.assert_array_equal(ours.silhouette, expected)
 
 
-def test_parameters_of_the_laser_radar_are_refused_without_it():
+def test_ladar_parameters_without_ladar_are_refused():
     for name, value in {"cnr": 32.0, "gain": stats.norm(1), "floor": [0.0, 1.0]}.items():
         with pytest.raises(ValueError, match=rf"^{name} is .* without a laser radar"):
             ncti.dataset(SHIPS, 1, seed=0, sensor="infrared", **{name: value})
@@ -188,7 +188,7 @@ def test_uniform_numbers_are_uniform_and_independent():
         assert stats.pearsonr(UNIFORM[first, 1:], UNIFORM[second, :-1]).pvalue > LEVEL
 
 
-def test_values_are_drawn_as_they_are_given():
+def test_sampler_follows_the_given_distribution():
     anything, integers = Bounds(), Bounds(1, 9, whole=True)
     uniform = UNIFORM[0]
     assert set(sampler("gain", 3.0, anything)(uniform)) == {3.0}
@@ -209,7 +209,7 @@ def test_values_are_drawn_as_they_are_given():
     "given",
     [(1.0,), (1.0, 2.0, 3.0), (2.0, 1.0), [], {"low": 1}, {1.0}, stats.gamma, stats.norm(9)],
 )
-def test_other_kinds_and_values_are_refused_by_name(given):
+def test_sampler_refuses_invalid_values_by_name(given):
     with pytest.raises(ValueError, match=r"^gain (is|has)\b"):
         sampler("gain", given, Bounds(0.0, 5.0))(UNIFORM[0])
 
@@ -217,7 +217,7 @@ def test_other_kinds_and_values_are_refused_by_name(given):
 # Vectors
 
 
-def test_vectors_are_those_of_classifiers_and_groups_hold_whole_views(whole):
+def test_to_numpy_gives_feature_vectors_and_view_groups(whole):
     X, y, groups = ncti.to_numpy(whole)
     np.testing.assert_array_equal(X[:, :250], profile_vector(whole.profile.values))
     np.testing.assert_array_equal(X[:, 250:], map_vector(whole.silhouette.values))

@@ -64,7 +64,7 @@ def splits(request):
     }
 
 
-def test_no_training_has_a_view_or_a_draw_of_the_test_of_any_split(splits):
+def test_training_shares_no_view_or_draw_with_any_test(splits):
     for learned in (parts["train"] for parts in splits.values()):
         for parts in splits.values():
             for tested in (parts[part] for part in parts if part != "train"):
@@ -94,7 +94,7 @@ def test_variants_are_learned_or_tested_but_not_both(splits):
     assert all("@" in name for name in learned | tested)
 
 
-def test_each_split_differs_from_its_training_in_what_it_asks(splits):
+def test_each_test_part_has_its_stated_shift(splits):
     train, test = splits["aspect-gap"].values()
     low, high = gap(test.of)
     assert high - low == 30.0
@@ -116,7 +116,7 @@ def test_each_split_differs_from_its_training_in_what_it_asks(splits):
         assert unknown not in splits[name]["train"]["ship"]
 
 
-def test_splits_of_one_training_draw_the_same(splits):
+def test_splits_with_shared_training_draw_the_same_views(splits):
     for name, parts in splits.items():
         other = splits[same_training_split(name)]["train"]
         assert parts["train"].seed == other.seed and parts["train"].views == other.views
@@ -129,7 +129,7 @@ def small():
     return ncti.data.split("unknown-near", seed=1, ships=SHIPS, train=16, test=4)
 
 
-def test_the_rows_are_those_drawn(small):
+def test_rows_have_their_drawn_parameters(small):
     parts = {"train": small.train, "test": small.test, "unknown": small.unknown}
     for part, rows in parts.items():
         drawn = Drawn("unknown-near", part, 1)
@@ -139,7 +139,7 @@ def test_the_rows_are_those_drawn(small):
             np.testing.assert_array_equal(rows[name], values[: rows.sizes["row"]])
 
 
-def test_a_variant_is_named_as_its_ship(monkeypatch):
+def test_variants_are_labelled_with_their_ship(monkeypatch):
     """Use one variant of each ship, because each must be built."""
     monkeypatch.setattr("ncti.data.splits.VARIANTS", 2)
     rows = ncti.data.splits.rows_of("variant", "test", seed=0, ships=SHIPS, count=8)
@@ -148,7 +148,7 @@ def test_a_variant_is_named_as_its_ship(monkeypatch):
 
 
 @pytest.mark.parametrize("number", [0, 3])
-def test_the_moments_of_views_are_those_of_rows_at_the_same_place(number, monkeypatch):
+def test_view_moments_equal_row_means_at_same_place(number, monkeypatch):
     """Means agree within the rounding of float32."""
     place = spread_place(number)
     monkeypatch.setattr(

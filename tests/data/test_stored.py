@@ -50,7 +50,7 @@ PLACES = {
 
 @pytest.mark.parametrize("split", SPLITS)
 @pytest.mark.parametrize("name", PLACES)
-def test_a_classifier_answers_as_the_store_has_it(store, name, split):
+def test_refitted_classifier_reproduces_stored_answers(store, name, split):
     """Test profiles, and silhouettes at one place on the pixels."""
     where = PLACES[name]
     classifier = CorrelationNeighbour()
@@ -62,7 +62,7 @@ def test_a_classifier_answers_as_the_store_has_it(store, name, split):
     assert classifier.predict(X).tolist() == answers(store, name, split, **where)
 
 
-def test_rows_of_torch_may_be_selected_by_lists(store):
+def test_stored_rows_accept_lists_of_values(store):
     where = {"split": "learned", "pulse_width": 30.0, "frame_count": FRAMES}
     X, *_ = ncti.load_xy(store, "range_profile", **where)
     rows = StoredRows(store, "range_profile", **where)
@@ -70,7 +70,7 @@ def test_rows_of_torch_may_be_selected_by_lists(store):
     np.testing.assert_array_equal(vectors, X.astype(np.float32))
 
 
-def test_splits_share_no_view_and_hold_all(store):
+def test_splits_partition_all_views(store):
     """Learned views equal those of training, once per draw, pulse width and number of frames."""
     draws = 2 * len(PULSES) * len(FRAMES)
     every = {"pulse_width": PULSES, "frame_count": FRAMES}
@@ -86,7 +86,7 @@ def test_splits_share_no_view_and_hold_all(store):
     assert len(views["train"][0]) == len(PULSES) * len(groups["train"])
 
 
-def test_likelihoods_take_averages_as_they_are_stored(store):
+def test_likelihood_vectors_are_the_stored_averages(store):
     averages = opened(store, "range_profile").averaged.sel(ship=UNKNOWN)
     every = {"pulse_width": PULSES, "frame_count": FRAMES}
     X, *_ = ncti.load_xy(store, "likelihood", "unknown", **every)
@@ -107,7 +107,7 @@ def test_likelihoods_take_averages_as_they_are_stored(store):
         ("super_resolution", {"classifier_group": "infrared", "split": "test"}),
     ],
 )
-def test_wrong_words_are_refused_by_name(store, named, arguments):
+def test_invalid_selectors_are_refused_by_name(store, named, arguments):
     with pytest.raises(ValueError, match=rf"^{named} is\b"):
         ncti.load_xy(store, **arguments)
 

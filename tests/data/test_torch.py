@@ -53,7 +53,7 @@ def loaded(stream, workers, monkeypatch):
     ]
 
 
-def test_rows_by_number_are_those_of_load_xy(store, rows):
+def test_indexed_rows_equal_load_xy(store, rows):
     X, y, _ = ncti.load_xy(store)
     assert len(rows) == len(X) == ROWS * PIECES
     for index in (0, ROWS - 1, ROWS, len(X) - 1, -1):
@@ -71,7 +71,7 @@ def test_rows_by_number_are_those_of_load_xy(store, rows):
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3, 8])
-def test_batches_have_each_row_once_in_an_order_of_the_seed(rows, workers, monkeypatch):
+def test_batches_have_each_row_once_in_seeded_order(rows, workers, monkeypatch):
     """The order is the same for any number of workers, and differs by seed and epoch."""
 
     def batches(seed, epoch, workers):
@@ -119,14 +119,14 @@ def test_no_two_workers_read_the_same_piece(workers, monkeypatch):
     assert sorted(read) == [*range(16)]
 
 
-def test_labels_are_those_of_the_classes_that_are_given(store):
+def test_labels_index_the_given_classes(store):
     rows = StoredRows(store, classes=["roberts", "texas", "duncan"])
     assert {rows.classes[label] for _, label in rows} == {"texas", "duncan"}
     with pytest.raises(ValueError, match=r"^classes is .*must have texas"):
         StoredRows(store, classes=["duncan"])[0]
 
 
-def test_a_loader_of_torch_reads_the_same(store, rows):
+def test_torch_data_loader_reads_the_same_rows(store, rows):
     data = pytest.importorskip("torch.utils.data")
     X, y, _ = ncti.load_xy(store)
     batches = data.DataLoader(rows, batch_size=BATCH, num_workers=2)

@@ -8,7 +8,7 @@ from ncti.infrared import snr
 from ncti.ladar import power_ratio
 
 
-def test_32_db_of_the_passive_sensor_are_not_those_of_table_1():
+def test_passive_ratio_of_table_1_is_not_32_db():
     """A ratio of 7.2 is 8.6 dB, and 32 dB by no definition of the decibel."""
     (_, _, ours), (_, _, needed) = design.passive_ratio()
     assert ours == "8.6 dB"
@@ -18,7 +18,7 @@ def test_32_db_of_the_passive_sensor_are_not_those_of_table_1():
 
 
 @pytest.mark.parametrize(("decibels", "pulse_width"), [(32, 30e-9), (40, 30e-9), (40, 50e-9)])
-def test_range_precision_is_its_bound(decibels, pulse_width):
+def test_range_errors_reach_the_precision_bound(decibels, pulse_width):
     """Two-sided quantiles are Student's with two degrees of freedom, q sqrt(2 / (1 - q^2)).
 
     A quantile of n errors lies within 5 sqrt(q (1 - q) / n) / density of its own; the parabola

@@ -13,7 +13,7 @@ def answers(values, *dims):
     return xr.DataArray(np.asarray(values)[..., None, :], coords, (*dims, "ship", "aspect"))
 
 
-def test_percent_is_by_bin_and_leaves_out_what_was_not_asked():
+def test_percent_per_bin_ignores_missing_answers():
     correct = answers([[1, 0, 1, -1], [1, 1, -1, 0]], "replicate")
     np.testing.assert_array_equal(
         fits.percent(correct), [[50.0, 100.0, np.nan], [100.0, np.nan, 0.0]]
@@ -21,7 +21,7 @@ def test_percent_is_by_bin_and_leaves_out_what_was_not_asked():
     np.testing.assert_allclose(fits.overall_percent(correct), [200 / 3, 200 / 3])
 
 
-def test_the_error_of_a_mean_is_that_of_its_kinds_of_draws():
+def test_error_of_a_mean_accounts_for_correlated_draws():
     """Phases that shift all orders alike are three draws, however many orders each has."""
     shift = xr.DataArray([0.0, 3.0, 6.0], dims="phase")
     mean, error = fits.mean_and_error(shift + xr.DataArray(np.zeros(100), dims="order"))

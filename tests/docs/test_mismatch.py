@@ -12,7 +12,7 @@ def extent(**how):
     return range_extent(image, slant_range=100e3)
 
 
-def test_a_ship_that_is_nearer_has_its_profile_in_front():
+def test_nearer_ship_shifts_its_profile_forward():
     """It moves by two bins, up to the curvature of the wavefront there: 2e-5 of 0.03 m."""
     here, nearer = (extent(**how).fraction.sum(axis=0) for how in ({}, {"nearer": 2.0}))
     np.testing.assert_allclose(nearer[:-2], here[2:], rtol=0, atol=1e-5 * here.max())
@@ -25,7 +25,7 @@ def test_rolled_ifovs_see_the_same_ship():
     np.testing.assert_allclose(rolled.fraction.sum(axis=0), plain.fraction.sum(axis=0), atol=1e-6)
 
 
-def test_each_difference_has_a_row_and_the_first_has_percentages():
+def test_mismatch_report_has_a_row_per_condition():
     report = mismatch.measure(seeds=2, tests=1, step=30.0)
     assert report.rows[0]["what"] == mismatch.UNCHANGED.name
     assert len(report.rows) == 1 + len(mismatch.CONDITIONS)

@@ -38,7 +38,7 @@ def parameters(functions):
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0])
-def test_names_and_units_are_those_of_the_code(row):
+def test_documented_names_and_units_match_the_code(row):
     _, door, other, command, store = map(named, row)
     assert {name for name, _ in door} <= parameters(DOORS)
     assert other and {name for name, _ in other} <= parameters(FUNCTIONS)
@@ -50,7 +50,7 @@ def test_names_and_units_are_those_of_the_code(row):
     assert setting.name == dimension
 
 
-def test_doors_agree_on_what_they_share():
+def test_entry_points_share_keyword_names():
     """All functions ask for frames, ranges and pulses by the same keywords."""
     asked = {name for row in ROWS for name, _ in named(row[1])}
     others = {name for row in ROWS for name, _ in named(row[2])} - asked

@@ -15,7 +15,7 @@ def shares(both):
     return xr.Dataset({"share": share, "resampled": share.expand_dims(resample=20)})
 
 
-def test_losses_are_those_of_settings_in_which_both_are_below_the_better():
+def test_loss_counts_only_settings_where_fusion_is_worse():
     report = fusion(shares([0.92, 0.88, 1.0, 1.0]))
     *_, above, whole = report.rows
     assert whole["settings"] == 4 and above["settings"] == 2
@@ -24,7 +24,7 @@ def test_losses_are_those_of_settings_in_which_both_are_below_the_better():
     assert "100.00 %" not in report.notes[0]
 
 
-def test_a_contour_at_more_frames_is_counted():
+def test_contours_that_need_more_frames_are_counted():
     later = fusion(shares([0.9, 0.9, 0.94, 1.0])).notes[0]
     assert "100.00 % lie at more frames" in later and np.isfinite(
         fusion(shares(PROFILE)).rows[-1]["mean"]

@@ -21,7 +21,7 @@ REPORT = Report(
 )
 
 
-def test_tables_go_between_their_lines_and_nowhere_else(tmp_path):
+def test_tables_are_written_only_between_their_markers(tmp_path):
     (tmp_path / "docs").mkdir()
     page, readme = tmp_path / "docs" / "page.md", tmp_path / "README.md"
     alone, of_several = pages.begin("budget"), pages.begin("results", "new")
@@ -37,7 +37,7 @@ def test_tables_go_between_their_lines_and_nowhere_else(tmp_path):
     assert table.endswith("| A | B [%] |\n| --- | --: |\n| x | 1.0 (0.5–2.0) |\n\nA note.\n")
 
 
-def test_a_csv_file_that_exists_has_the_cells_of_the_page(tmp_path):
+def test_existing_csv_file_is_updated_with_the_table(tmp_path):
     (tmp_path / "README.md").touch()
     asked, other = (pages.csv_file("results", name, tmp_path) for name in ("new", "known"))
     asked.parent.mkdir(parents=True)
@@ -84,7 +84,7 @@ def test_every_csv_file_has_a_command_a_link_and_columns_of_different_names(path
 @pytest.mark.parametrize(
     "name", [*command.FITS, "bounds", "budget", "coverage", "design", "mismatch"]
 )
-def test_every_report_of_the_pages_has_one_place(name):
+def test_every_report_is_in_one_place_of_the_docs(name):
     texts = [page.read_text(encoding="utf-8") for page in pages.pages()]
     printed = sum(text.count(pages.begin(name)) for text in texts)
     assert printed + (pages.csv_file(name) in TABLES) == 1

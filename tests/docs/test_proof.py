@@ -19,7 +19,7 @@ TINY = (
 SMALL = (*operate.EXPERIMENT, "grid.ship=[duncan,horne,spruance,texas,connole,roberts]")
 
 
-def test_a_loop_takes_as_long_as_its_settings():
+def test_loop_time_is_extrapolated_from_lone_settings():
     """Two of 100 settings take 7 and 9 s: 800 s for all, 8 times 100, standard error 1 s in 8."""
 
     def twice(cells, cold, warm):
@@ -56,7 +56,7 @@ def twice(monkeypatch):
 
 
 @pytest.mark.usefixtures("twice")
-def test_settings_alone_are_compared_with_the_sweep():
+def test_lone_settings_are_compared_with_the_whole_sweep():
     def same(whole, alone):
         return bool((whole.averaged.sel(ship=alone.ship) == alone.averaged).all())
 
@@ -71,7 +71,7 @@ def test_settings_alone_are_compared_with_the_sweep():
         proof.prove_sweep(("duncan", "texas"), ["range_profile"], 4, other)
 
 
-def test_each_number_of_ships_of_the_sensors_is_computed_alone():
+def test_each_fleet_size_is_computed_as_a_lone_setting():
     few = list(operate.lone_settings((*SMALL, "operate.fleet=[4,6]")))
     assert [one.same is not None for one in few] == [False, True]
     for one, ships in zip(few, (4, 6), strict=True):

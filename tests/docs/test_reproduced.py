@@ -65,7 +65,7 @@ def reports():
     )
 
 
-def test_figures_of_a_row_of_the_article_stand_in_one(reports):
+def test_figures_of_an_article_row_share_one_row(reports):
     rows = {row["what"]: row for row in reports[0].rows}
     assert len(rows) == 5 + 1 + 5 + 3 + 1
     assert rows["Table 2, 32 frames"]["article"] == "3 / 4 / 5"
@@ -74,7 +74,7 @@ def test_figures_of_a_row_of_the_article_stand_in_one(reports):
     assert rows["Table 5, categories"]["article"] == "42"
 
 
-def test_tables_that_are_not_fitted_to_are_marked(reports):
+def test_tables_excluded_from_the_fit_are_marked(reports):
     rows = {row["fitted"]: row for row in reports[1].rows}
     assert rows["2, 3"]["table_2"] == "2.0 (3.0)" and rows["2, 3"]["table_4"] == "4.0 (5.0) *"
     assert rows["4, 5"]["table_3"] == "3.0 (4.0) *" and "*" not in rows["all"].values()

@@ -19,7 +19,7 @@ TABULATED = tuple(part for part in results.PARTS if part not in ("flights", "pai
 TINY = ("render.pixel=1", "render.samples=100", "classifier.mnn.epochs=5")
 
 
-def test_seeds_that_agree_are_no_certainty():
+def test_interval_has_width_even_if_all_seeds_agree():
     """Wilson's interval of 400 views that are all right begins at 1 / (1 + z^2 / 400)."""
     found = mean_over_seeds(np.full(10, 100.0), views=40)
     assert found.high == found.mean == 100.0
@@ -36,9 +36,7 @@ def test_bins_and_multiples_of_a_step():
 
 
 @pytest.mark.parametrize(("factor", "least", "most"), [(1.0, 93.0, 97.0), (0.5, 0.0, 80.0)])
-def test_coverage_is_that_of_independent_seeds_and_shows_intervals_that_are_too_narrow(
-    factor, least, most, monkeypatch
-):
+def test_coverage_reveals_intervals_that_are_too_narrow(factor, least, most, monkeypatch):
     """1,600 repeats of normal draws give 95 %, +- 2 at five standard errors; half as wide, 66 %."""
     percent = np.random.default_rng(3).normal(50, 4, (1600, 20))
     plain = coverage.mean_over_seeds
@@ -65,7 +63,7 @@ def made(tmp_path_factory):
         return results.measure(results.Sizes(*small, finest=ENDS, generated=0))
 
 
-def test_sweeps_have_what_the_tables_show():
+def test_sweeps_include_the_errors_and_ranges_of_the_tables():
     """They have the errors of navigation, and a range for every ship of the validation."""
     errors = choices_of(result_flights.SENSITIVITY)[Irar.errors]
     assert set(result_flights.NAVIGATION_ERRORS) <= set(errors)

@@ -54,7 +54,7 @@ def test_figures_are_means_over_seeds_with_students_intervals(tests):
     assert np.isnan(table.auroc)
 
 
-def test_unknown_ships_are_no_answers_but_are_rejected(tests):
+def test_unknown_ships_count_for_rejection_but_not_for_accuracy(tests):
     answers = answered(tests, 0.7, 1)
     table = tabulate_rows(answers, tests).sel(split="unknown-near")
     assert table.accuracy_n == 40 * SEEDS

@@ -15,7 +15,7 @@ from sweeps.engine.objects import Objects
 from sweeps.engine.store.locks import store_lock
 
 
-def test_a_store_in_a_bucket_grows_and_is_mended_as_one_on_a_disk(bucket, tmp_path):
+def test_bucket_stores_extend_and_repair_like_local_stores(bucket, tmp_path):
     store, cache, recorder = f"{bucket}/s.zarr", tmp_path / "cache", Recorder()
     with store_lock(store), pytest.raises(ConfigurationError, match="being written by process"):
         go(store, cache)
@@ -38,7 +38,7 @@ def test_a_store_in_a_bucket_grows_and_is_mended_as_one_on_a_disk(bucket, tmp_pa
         go(store, cache, **more)
 
 
-def test_stores_in_buckets_are_checked_as_paths_are(bucket, tmp_path, monkeypatch, capsys):
+def test_bucket_stores_are_validated_like_local_paths(bucket, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     reported = []
     command = Command(
@@ -76,7 +76,7 @@ sys.exit(Command(SPRINGS).main(sys.argv[1:]))
 """
 
 
-def test_secrets_are_in_no_store_log_or_message(bucket, tmp_path, served):
+def test_secrets_never_leak_into_stores_logs_or_messages(bucket, tmp_path, served):
     arguments = ["-c", SWEEP, "cache=cache", "cluster.workers=2", f"store={bucket}/s.zarr"]
     outputs = []
 

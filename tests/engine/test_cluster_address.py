@@ -27,7 +27,7 @@ def nobody(listens):
 
 @pytest.mark.usefixtures("impatient")
 @pytest.mark.parametrize(("protocol", "listens"), [("tcp", False), ("tls", True)])
-def test_nobody_answers_at_an_address(protocol, listens, tmp_path):
+def test_unreachable_address_is_refused(protocol, listens, tmp_path):
     with nobody(listens) as port:
         address = f"{protocol}://127.0.0.1:{port}"
         files = written(Security.temporary(), tmp_path) if protocol == "tls" else {}
@@ -35,7 +35,7 @@ def test_nobody_answers_at_an_address(protocol, listens, tmp_path):
         fails_with(choice, rf"cluster.address is {address}, but no scheduler answers there \(.+\)")
 
 
-def test_files_that_are_no_certificates_are_refused(tmp_path):
+def test_invalid_certificate_files_are_refused(tmp_path):
     path = tmp_path / "ca.pem"
     path.write_text("nothing")
     files = {"ca_file": str(path), "cert": str(path)}
@@ -78,7 +78,7 @@ JOB = {"kind": "slurm", "workers": 1, "memory": "1GB"}
         ("queue", JOB | {"queue": "x\n#SBATCH -A y"}),
     ],
 )
-def test_settings_that_do_not_fit_are_refused(key, settings):
+def test_inconsistent_cluster_settings_are_refused(key, settings):
     with pytest.raises(ConfigurationError) as refused:
         ClusterChoice(**settings)
     text = "null" if settings.get(key) is None else settings[key]

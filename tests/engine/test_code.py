@@ -73,7 +73,7 @@ def digest_in(monkeypatch):
 
 
 @pytest.mark.parametrize("name", PROJECT)
-def test_exactly_the_files_behind_a_function_change_its_digest(tmp_path, digest_in, name):
+def test_only_files_a_function_depends_on_change_its_digest(tmp_path, digest_in, name):
     before = digest_in(write(tmp_path, PROJECT))
     more = {".py": "x = print()\n", ".frag": "// a comment\n", ".txt": "a note\n"}
     text = PROJECT[name] + more[Path(name).suffix]
@@ -89,9 +89,7 @@ def test_a_copy_elsewhere_has_the_same_digest(tmp_path, digest_in):
     assert digest_in(folder).digest == digest_in(copy).digest
 
 
-def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(
-    tmp_path, digest_in, monkeypatch
-):
+def test_parse_cache_is_used_only_if_private(tmp_path, digest_in, monkeypatch):
     home, folder = tmp_path / "home", write(tmp_path / "here", PROJECT)
     monkeypatch.setattr(modules, "CACHE_FOLDER", home)
     monkeypatch.setattr(modules, "_new", {})  # without what other tests have parsed
@@ -118,7 +116,7 @@ def test_modules_parsed_before_are_used_if_only_this_user_wrote_them(
     assert json.loads(file.read_text()) == json.loads(content)
 
 
-def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
+def test_digest_depends_on_library_versions(tmp_path, digest_in, monkeypatch):
     before = digest_in(write(tmp_path, PROJECT))
     monkeypatch.setattr(
         code,
@@ -130,7 +128,7 @@ def test_the_version_of_a_library_counts(tmp_path, digest_in, monkeypatch):
     assert after.digest != before.digest
 
 
-def test_the_engine_is_left_out(tmp_path, digest_in):
+def test_digest_excludes_the_engine(tmp_path, digest_in):
     text = (
         "from sweeps.engine.declare.errors import ConfigurationError as E\ndef length(): raise E\n"
     )
@@ -140,7 +138,7 @@ def test_the_engine_is_left_out(tmp_path, digest_in):
 
 
 @pytest.mark.parametrize("how", IMPORTS)
-def test_ways_of_importing(tmp_path, digest_in, how):
+def test_digest_follows_every_form_of_import(tmp_path, digest_in, how):
     sources, modules = IMPORTS[how]["files"], set(IMPORTS[how]["modules"])
     empty = {"__init__": "", "deck/__init__": "", "deck/wood": "", "rope": "wood = 1", "tools": ""}
     measure = {"measure": "from fleet import tools\ndef length(): return tools"}
@@ -150,7 +148,7 @@ def test_ways_of_importing(tmp_path, digest_in, how):
     assert set(digest.parts) == names | {"code of fleet.measure.length"}
 
 
-def test_a_script_counts_like_a_module(tmp_path):
+def test_scripts_are_digested_like_modules(tmp_path):
     script = (
         "import json, sys\nimport loose\nfrom sweeps.engine.resolve.code import Code\n"
         "def length(): return loose\n"
@@ -200,7 +198,7 @@ def other(files):
         for change in CHANGES["other" if counts else "same"]
     ],
 )
-def test_another_computation_alone_has_another_hash(digest_of, counts, name, old, new):
+def test_digest_changes_only_if_the_computation_changes(digest_of, counts, name, old, new):
     file = f"fleet/{name}.py"
     text = FILES[file].replace(old, new, 1)
     assert text != FILES[file]
@@ -210,27 +208,27 @@ def test_another_computation_alone_has_another_hash(digest_of, counts, name, old
 
 @pytest.mark.filterwarnings("ignore:registration of accessor")
 @pytest.mark.parametrize(("late", "book"), CHANGES["whole"])
-def test_all_that_a_module_and_its_imports_do_counts(digest_of, late, book):
+def test_dynamically_used_modules_are_digested_whole(digest_of, late, book):
     files = {"fleet/late.py": late, "fleet/rope.py": "BOOK = {}\n", "fleet/book/page.py": ""}
     files["fleet/book/__init__.py"] = book
     assert digest_of(files) != digest_of(other(files))
 
 
 @pytest.mark.parametrize("how", CHANGES["statements"])
-def test_statements_that_change_a_computation_count(digest_of, how):
+def test_statements_affecting_the_result_change_the_digest(digest_of, how):
     late = DECLARED.format(CHANGES["statements"][how])
     files = {"late": late, "bent": CHANGES["bent"], "loops": CHANGES["loops"]}
     files = {f"fleet/{name}.py": text for name, text in files.items()}
     assert digest_of(files) != digest_of(other(files))
 
 
-def test_the_order_of_statements_counts(digest_of):
+def test_statement_order_changes_the_digest(digest_of):
     late = DECLARED.format("GAIN = 2\nGAIN = 3\n@_stage()\ndef late(x):\n    return GAIN")
     swapped = late.replace("GAIN = 2\nGAIN = 3", "GAIN = 3\nGAIN = 2")
     assert digest_of({"fleet/late.py": late}) != digest_of({"fleet/late.py": swapped})
 
 
-def test_a_script_of_one_function_may_change_its_values(digest_of):
+def test_changing_swept_values_in_a_script_keeps_the_digest(digest_of):
     script = (
         "import sweeps\ndef late(x):\n    return x\n"
         "if __name__ == '__main__':\n    sweeps.sweep(late, {'x': [2]}, store='s.zarr')\n"
@@ -239,7 +237,7 @@ def test_a_script_of_one_function_may_change_its_values(digest_of):
     assert digest_of({"fleet/late.py": script}) == digest_of({"fleet/late.py": more})
 
 
-def test_a_store_follows_its_file_and_computes_only_what_is_another_computation(tmp_path):
+def test_label_and_table_edits_update_the_store_without_recomputing(tmp_path):
     swept: str = CHANGES["swept"]
     file, runs = tmp_path / "wood.py", tmp_path / "runs"
 

@@ -31,7 +31,7 @@ def start(tmp_path, monkeypatch):
     return start
 
 
-def test_without_a_store_it_is_in_the_current_folder_and_hydra_makes_none(start, tmp_path):
+def test_store_defaults_to_the_working_directory(start, tmp_path):
     assert start() == 0
     assert {path.name for path in tmp_path.iterdir()} == {"cache", "sweep.zarr"}
     assert start() == 0 and not CALLS
@@ -40,7 +40,7 @@ def test_without_a_store_it_is_in_the_current_folder_and_hydra_makes_none(start,
     assert start("hydra.run.dir=asked", "spring.mass=nan") == 2
 
 
-def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
+def test_settings_option_lists_and_searches_settings(capsys):
     main = Command(SPRINGS).main
     assert main(["--settings"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -58,7 +58,7 @@ def test_settings_are_listed_without_a_broken_word_and_found_by_one(capsys):
     assert "'colour'" in message
 
 
-def test_a_sweep_ends_with_its_tables_its_store_and_the_next_command(start, capsys):
+def test_sweep_prints_tables_store_path_and_next_command(start, capsys):
     assert start("store=a b.zarr") == 0
     for counted in ("74 cells to compute, 0 reused from the cache", "74 are in the store"):
         output = capsys.readouterr()
@@ -79,7 +79,7 @@ def test_a_sweep_ends_with_its_tables_its_store_and_the_next_command(start, caps
         (UNREACHABLE, "reach", 1),
     ],
 )
-def test_an_error_of_a_disk_is_one_sentence(start, capsys, monkeypatch, number, verb, status):
+def test_io_errors_are_reported_in_one_line(start, capsys, monkeypatch, number, verb, status):
     def fail(objects, under=""):
         raise OSError(number, "no luck", "cache/cells")
 
@@ -103,7 +103,7 @@ def test_workers_prepare_before_the_first_cell(capsys, tmp_path, monkeypatch):
     assert Path("a").exists() and Path("b").exists()
 
 
-def test_a_preparation_that_fails_is_one_sentence(capsys, tmp_path, monkeypatch):
+def test_failing_preparation_is_reported_in_one_line(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     missing = partial(Path.unlink, tmp_path / "loops")
     failing = replace(SPRINGS, prepare=lambda choices, say: [missing])
@@ -127,7 +127,7 @@ def test_the_fork_server_starts_before_choices_are_checked(tmp_path, monkeypatch
     assert order == [*["check"] * 3, True, "check"]
 
 
-def test_cells_that_fail_are_named_and_exit_with_1(start, capsys):
+def test_failed_cells_are_reported_with_exit_status_1(start, capsys):
     assert start("store=s.zarr", "spring.limit=1.5") == 1
     output = capsys.readouterr().err
     assert "springs: failed: period stiffness=4 mass=1: ValueError: too [stiff]" in output
@@ -144,7 +144,7 @@ REFUSED = yaml.safe_load(Path(__file__).with_name("refused.yaml").read_text())["
 
 
 @pytest.mark.parametrize("argument", REFUSED)
-def test_what_is_wrong_exits_with_2_and_one_sentence(start, tmp_path, capsys, argument):
+def test_invalid_arguments_exit_with_2_and_one_line(start, tmp_path, capsys, argument):
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     before = files(tmp_path)
@@ -166,7 +166,7 @@ def test_a_store_of_another_experiment_is_refused(start, tmp_path, capsys):
     assert files(tmp_path) == before
 
 
-def test_a_dry_run_writes_nothing_and_is_right(start, tmp_path, capsys):
+def test_dry_run_counts_cells_and_writes_nothing(start, tmp_path, capsys):
     def dry_run(*overrides):
         """Return the rows of the table, by stage, and the sentence after it."""
         assert start("store=s.zarr", "dry_run=true", *overrides) == 0
@@ -217,7 +217,7 @@ def ended(tmp_path_factory):
     return dict(zip(folders, zip(folders.values(), done, strict=True), strict=True))
 
 
-def test_printing_costs_no_results(ended):
+def test_output_errors_lose_no_results(ended):
     statuses = {name: ended[name][1] for name in PRINTED}
     assert statuses == {"full": 1, "pipe": 0, "ascii": 0}  # a closed pipe is no error
     stores = {name: next(ended[name][0].glob("*.zarr")) for name in PRINTED}
@@ -230,7 +230,7 @@ def test_printing_costs_no_results(ended):
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_command_that_is_stopped_says_so(ended, number):
+def test_stopped_command_reports_the_signal(ended, number):
     folder, status = ended[number]
     assert status == 128 + number
     output = (folder / "err").read_text()

@@ -69,7 +69,7 @@ def timed(number):
     return executors.draw(executors.refuse_odd(number), 100), executors.span(0.02)
 
 
-def test_results_and_errors_come_back_and_tasks_of_a_process_run_one_at_a_time(any_executor):
+def test_executors_return_outcomes_and_run_one_task_per_process(any_executor):
     for number in range(20):
         any_executor.submit(10 + number, timed, number)
     outcomes = executors.gather(any_executor)
@@ -100,7 +100,7 @@ def test_numerical_libraries_use_one_thread(any_executor):
 # -- a scheduler at an address
 
 
-def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
+def test_remote_and_inline_runs_make_the_same_store(running, tmp_path):
     values = {"spring__limit": 1.5}  # the stiffest spring fails
     stores = {kind: tmp_path / f"{kind}.zarr" for kind in ("inline", "remote")}
     inline = go(stores["inline"], **values)
@@ -112,7 +112,7 @@ def test_a_scheduler_makes_the_same_store_as_this_process(running, tmp_path):
     assert done == {name: progress.done for name, progress in inline.progress.items()}
 
 
-def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
+def test_remote_workers_write_chunks_and_the_driver_writes_metadata(
     running, place, tmp_path, monkeypatch
 ):
     """Each chunk of cells is sent once, to one worker; the command writes manifest and metadata."""
@@ -144,7 +144,7 @@ def test_workers_elsewhere_write_chunks_and_the_command_what_it_has_itself(
     assert contents(store) == contents(tmp_path / "t.zarr")
 
 
-def test_a_worker_writes_what_a_store_awaits_until_the_manifest_changes(tmp_path):
+def test_workers_write_only_chunks_pending_in_the_manifest(tmp_path):
     def read(region):
         Manifest().put(store)  # by another command, while the chunk is read
         return np.arange(3)
@@ -162,7 +162,7 @@ def test_a_worker_writes_what_a_store_awaits_until_the_manifest_changes(tmp_path
     assert sorted(files(store.path)) == ["g/x/c.1", "manifest"]
 
 
-def test_workers_that_leave_while_a_store_is_written_are_sent_nothing_more(tmp_path):
+def test_departed_workers_are_sent_no_more_chunks(tmp_path):
     class Leaving:
         """Executor of four workers, of which one remains after the first answer."""
 
@@ -182,7 +182,7 @@ def test_workers_that_leave_while_a_store_is_written_are_sent_nothing_more(tmp_p
 
 
 @pytest.mark.usefixtures("impatient")
-def test_a_scheduler_answers_neither_other_certificates_nor_none(running, tmp_path):
+def test_scheduler_rejects_unknown_or_missing_certificates(running, tmp_path):
     files = executors.written(Security.temporary(), tmp_path)
     stranger = ClusterChoice(kind="address", address=running.address, **files)
     unencrypted = ClusterChoice(kind="address", address=running.address.replace("tls:", "tcp:"))
@@ -192,7 +192,7 @@ def test_a_scheduler_answers_neither_other_certificates_nor_none(running, tmp_pa
         )
 
 
-def test_a_worker_with_other_code_is_refused(running, tmp_path, monkeypatch):
+def test_worker_with_different_code_is_refused(running, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "of_this_process.py").write_text("")
     executors.fails_with(

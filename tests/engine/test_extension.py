@@ -41,7 +41,7 @@ def grown(tmp_path_factory):
 
 
 @pytest.mark.parametrize("given", GROWN.values(), ids=GROWN)
-def test_a_store_grows_on_any_axis(grown, tmp_path, given):
+def test_store_extends_along_any_axis(grown, tmp_path, given):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     shutil.copytree(grown(), store)
     shutil.copytree(grown().with_suffix(".cache"), cache)
@@ -52,7 +52,7 @@ def test_a_store_grows_on_any_axis(grown, tmp_path, given):
             assert progress.reused == CELLS[name], name
 
 
-def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):
+def test_extending_an_axis_computes_only_new_cells(grown, tmp_path):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     go(store, cache)
     CALLS.clear()
@@ -63,7 +63,7 @@ def test_one_more_value_along_an_axis_computes_only_itself(grown, tmp_path):
     assert CALLS == {"answers": 12}  # the cells of one rule
 
 
-def test_without_a_cache_only_a_store_that_lacks_something_is_computed_again(grown, tmp_path):
+def test_without_a_cache_only_incomplete_stores_are_recomputed(grown, tmp_path):
     store = tmp_path / "s.zarr"
     shutil.copytree(grown(), store)
     CALLS.clear()
@@ -101,7 +101,7 @@ def piece(begin, size):
     return found | {"none": np.zeros(0)}
 
 
-def test_ragged_arrays_are_laid_out_from_their_first_index(tmp_path):
+def test_ragged_arrays_are_aligned_by_their_first_index(tmp_path):
     experiment = Experiment("cut", "Cut", (Cut, piece))
     choices = read_choices(experiment.declared, {})
     run(experiment, choices, tmp_path / "s.zarr", tmp_path / "a")
@@ -128,7 +128,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("given", "asked", "stored", "advice"), REFUSED)
-def test_another_configuration_is_refused_by_its_keys(grown, given, asked, stored, advice):
+def test_incompatible_settings_are_refused_by_key(grown, given, asked, stored, advice):
     store = grown()
     before = contents(store)
     with pytest.raises(ConfigurationError) as refused:
@@ -137,14 +137,14 @@ def test_another_configuration_is_refused_by_its_keys(grown, given, asked, store
     assert contents(store) == before
 
 
-def test_other_versions_are_refused(grown, monkeypatch):
+def test_different_library_versions_are_refused(grown, monkeypatch):
     now = provenance.versions
     monkeypatch.setattr(provenance, "versions", lambda plan: now(plan) | {"dask": "9.0"})
     with pytest.raises(ConfigurationError, match="was made by a different version of dask; give"):
         go(grown(), grown().with_suffix(".cache"), spring__mass=[1, 2, 3])
 
 
-def test_other_code_is_refused(grown):
+def test_different_code_is_refused(grown):
     store = grown()
     changed = replace(SPRINGS.by_name["period"], function=SPRINGS.by_name["energy"].function)
     springs = having(SPRINGS, (*SPRINGS.stages[:2], changed, *SPRINGS.stages[3:]))
@@ -163,7 +163,7 @@ def joined(*points):
 NOT_GATHERED = having(SPRINGS, SPRINGS.stages[:4], ())
 
 
-def test_settings_that_run_together_grow_by_whole_points(tmp_path):
+def test_zipped_axes_extend_by_whole_points(tmp_path):
     store = tmp_path / "s.zarr"
     more = joined((1.0, 9.0), (1.5, 9.0), (2.0, 8.0))
     run(NOT_GATHERED, joined((1.0, 9.0), (2.0, 8.0)), store)
@@ -189,7 +189,7 @@ DESCENDING = ((70.0, 4.0), (80.0, 2.0), (90.0, 1.0))  # not in the order of sort
 
 
 @pytest.mark.parametrize("points", [DESCENDING, DESCENDING[1:] + DESCENDING[:1]])
-def test_an_input_on_a_joint_axis_is_that_of_the_value_asked_for(tmp_path, points):
+def test_input_on_a_zipped_axis_is_selected_by_value(tmp_path, points):
     given = {"spring.mass": 1.0, "spring.limit": [70.0, 80.0, 90.0]}
     given |= {"spring.stiffness": [1.0, 2.0, 4.0], "spring.reference": [1.0, 2.0, 4.0]}
     zipped = ZippedAxis("joint", ("spring.limit", "spring.stiffness"), points)

@@ -14,7 +14,7 @@ from sweeps.engine.store.writing import read_attributes
 STIFF = "ValueError: too [stiff]"
 
 
-def test_a_cell_that_raises_fails_alone_with_its_reason(tmp_path):
+def test_failing_cell_fails_only_its_dependents(tmp_path):
     store, recorder = tmp_path / "s.zarr", Recorder()
     finished = go(store, callbacks=recorder.callbacks, spring__limit=1.5)
     name = "period stiffness=4 mass=1"
@@ -104,7 +104,7 @@ def broken():
 
 
 @pytest.mark.parametrize("values", [{2}, {3, 11}, {1, 2, 3, 4}])
-def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, values):
+def test_rerun_after_failures_matches_a_clean_run(tmp_path, broken, values):
     choices = read_choices(FLAKY.declared, {"few.size": [1, 2, 3, 4]})
     run(FLAKY, choices, tmp_path / "clean.zarr")
     broken["values"] = frozenset(values)
@@ -128,7 +128,7 @@ def test_a_run_after_failures_makes_the_store_of_one_without(tmp_path, broken, v
 
 
 @pytest.mark.parametrize("at", [-3, 20], ids=["record", "head"])
-def test_damaged_packs_are_made_again_and_said(tmp_path, at):
+def test_damaged_packs_are_recomputed_and_reported(tmp_path, at):
     store, cache, recorder = tmp_path / "s.zarr", tmp_path / "cache", Recorder()
     go(store, cache)
     before = contents(store)
@@ -151,7 +151,7 @@ def test_damaged_packs_are_made_again_and_said(tmp_path, at):
 
 
 @pytest.mark.parametrize("kept", [True, False], ids=["with cache", "without cache"])
-def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept):
+def test_missing_or_truncated_chunks_are_restored_and_reported(tmp_path, kept):
     store, cache, recorder = tmp_path / "s.zarr", tmp_path / "cache", Recorder()
     go(store, cache)
     before, names = contents(store), files(store)
@@ -168,7 +168,7 @@ def test_a_chunk_that_is_lost_or_cut_short_is_made_again_and_said(tmp_path, kept
 # disks --------------------------------------------------------------------------------------------
 
 
-def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path):
+def test_sweep_resumes_after_a_full_cache_disk(tmp_path):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     with pytest.raises(OSError, match="No space left on device"), ending_after(9, ["put"], full):
         go(store, cache)
@@ -180,7 +180,7 @@ def test_a_full_cache_stops_a_sweep_that_is_resumed(tmp_path):
 
 
 @pytest.mark.parametrize("values", [{2}, {12}])
-def test_what_gathers_all_without_a_mask_fails_with_one_of_them(tmp_path, broken, values):
+def test_unmasked_gather_fails_if_any_cell_fails(tmp_path, broken, values):
     experiment = of(first, made, second, largest, share)
     choices = read_choices(experiment.declared, {"few.size": [1, 2, 3, 4]})
     broken["values"] = frozenset(values)
@@ -214,7 +214,7 @@ SPOILT = [
 
 
 @pytest.mark.parametrize(("make", "reason"), SPOILT)
-def test_a_failing_table_costs_only_itself(tmp_path, make, reason):
+def test_failing_table_fails_only_its_dependents(tmp_path, make, reason):
     spoilt = Table("tables/spoilt", ("answers",), make)
     after = Table("tables/after", ("tables/spoilt",), lambda spoilt, choices: spoilt)
     tables, choices = (spoilt, after, *SPRINGS.tables), read_choices(SPRINGS.declared, {})

@@ -57,7 +57,7 @@ def own(own):
     return own
 
 
-def test_a_function_over_a_grid_is_resumed_and_extended(sweep):
+def test_function_sweep_is_resumed_and_extended(sweep):
     def run(**values):
         CALLS.clear()
         return sweep(product, values)
@@ -78,7 +78,7 @@ def test_a_function_over_a_grid_is_resumed_and_extended(sweep):
         run(x=[4], y=[0.5, 1.5])
 
 
-def test_arrays_noise_and_values_of_other_types(sweep):
+def test_array_results_random_noise_and_mixed_argument_types(sweep):
     found = sweep(powers, {"base": [2.0]}, dims=("power",), store="powers")
     assert found.powers.values.tolist() == [[1, 2, 4, 8]]
     first, again = (sweep(noise, {"sigma": [1.0, 2.0]}, seed=3, store=name) for name in "ab")
@@ -89,14 +89,14 @@ def test_arrays_noise_and_values_of_other_types(sweep):
     assert results.mixed.sel(word="stern", flag=True, size=2) == 10
 
 
-def test_a_function_may_have_the_name_of_the_group_of_states(sweep):
+def test_function_may_be_named_status(sweep):
     def status(x):
         return 2 * x
 
     assert sweep(status, {"x": [1, 2]}).status.values.tolist() == [2, 4]
 
 
-def test_what_failed_is_named_and_the_rest_is_kept(sweep):
+def test_failed_calls_are_reported_and_other_results_kept(sweep):
     with pytest.warns(CallsFailedWarning) as warned:
         results = sweep(powers, {"base": [-1.0, 2.0]}, dims=("power",))
     np.testing.assert_array_equal(results.powers, [[np.nan] * 4, [1, 2, 4, 8]])
@@ -135,7 +135,7 @@ def test_what_failed_is_named_and_the_rest_is_kept(sweep):
         (3, {"x": [1]}, "function is 3, but must be a callable"),
     ],
 )
-def test_mistakes_are_named(sweep, tmp_path, function, values, sentence):
+def test_invalid_arguments_are_refused(sweep, tmp_path, function, values, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         sweep(function, values)
     assert list(tmp_path.iterdir()) == []
@@ -160,7 +160,7 @@ def test_a_call_that_exits_fails(sweep):
     np.testing.assert_array_equal(results.result, [1, np.nan, 3])
 
 
-def test_a_call_that_kills_its_process_kills_no_other(sweep):
+def test_call_that_kills_its_worker_fails_alone(sweep):
     """This also holds for a stage that an earlier sweep has shown to be quick."""
     assert sweep(ending, {"a": [1]}).ending.item() == 1
     with pytest.warns(
@@ -170,7 +170,7 @@ def test_a_call_that_kills_its_process_kills_no_other(sweep):
     np.testing.assert_array_equal(results.ending, [1, np.nan, 3])
 
 
-def test_relative_paths_are_where_the_command_was_given(sweep, tmp_path):
+def test_relative_paths_resolve_against_the_initial_directory(sweep, tmp_path):
     sweep(moving, {"a": [1, 2]})
     assert os.getcwd() == str(tmp_path) and sorted(os.listdir()) == ["c", "s.zarr"]
 
@@ -186,12 +186,12 @@ def double(a):
 """
 
 
-def test_workers_of_a_prompt(tmp_path):
+def test_workers_run_functions_from_stdin_scripts(tmp_path):
     ran = begun(["-"], tmp_path, DOUBLE.format(guard="if __name__ == '__main__':"))
     assert (ran.stdout, ran.stderr, ran.returncode) == ("[2.0, 4.0]\n", "", 0)
 
 
-def test_a_script_without_guard_is_refused_in_a_sentence(tmp_path):
+def test_script_without_main_guard_is_refused(tmp_path):
     (tmp_path / "job.py").write_text(DOUBLE.format(guard="if True:"))
     ran = begun(["job.py"], tmp_path)
     lines = ran.stderr.splitlines()
@@ -208,7 +208,7 @@ sweeps.sweep(area, {"width": [1], "height": [2]}, store=sys.argv[1], cache="c")
 """
 
 
-def test_a_store_does_not_depend_on_the_seed_of_hashes(tmp_path):
+def test_store_is_independent_of_the_hash_seed(tmp_path):
     """The order in which Python lists a set differs between processes."""
     for seed in ("5", "6"):  # which list the two arguments in either order
         ran = begun(["-c", AREA, seed], tmp_path, PYTHONHASHSEED=seed)
@@ -232,7 +232,7 @@ def test_help_opens_with_an_example(tmp_path, monkeypatch):
     assert not doctest.DocTestRunner().run(example).failed
 
 
-def test_what_is_offered_is_documented():
+def test_public_names_are_exported_and_documented():
     offered = {name for name in dir(sweeps) if not name.startswith("_")}
     assert offered == {*sweeps.__all__} and all(hasattr(sweeps, name) for name in offered)
     offered = [name for name in dir(ncti) if not name.startswith("_")]
@@ -240,7 +240,7 @@ def test_what_is_offered_is_documented():
     assert all(name in ncti.__doc__ for name in offered)
 
 
-def test_a_dry_run_says_what_would_be_computed(sweep, tmp_path, capsys):
+def test_dry_run_reports_pending_calls(sweep, tmp_path, capsys):
     results = sweep(area, {"x": [1, 2], "y": [1.0]}, dry_run=True)
     message = "area: 2 to compute, 0 reused; 2 calls to run; new results unknown; time on one core"
     assert capsys.readouterr().out.startswith(message) and results.attrs["left"] == 2

@@ -113,7 +113,7 @@ def test_a_tuple_becomes_variables(run):
         run(elements, VALUES, outputs=("first", "second"), store="t")
 
 
-def test_a_frame_and_one_named_output(run):
+def test_frame_and_single_named_output_become_variables(run):
     results = run(frame, VALUES, store="f")
     assert results.u.sel(a=2, row="y").item() == 4 and results.v.dims == ("a", "row")
     found = run(lambda a: 1j if a == 2 else a, VALUES, outputs="turn", store="t").turn
@@ -128,13 +128,13 @@ def test_arrays_of_different_length_are_padded(run, capsys):
     assert capsys.readouterr().err == message
 
 
-def test_a_variable_that_a_call_does_not_return_is_missing_there(run):
+def test_variables_missing_from_a_call_are_nan(run):
     results = run(lambda a: {"one": a} if a == 1 else {"one": a, "other": -a}, VALUES)
     np.testing.assert_array_equal(results.other, [np.nan, -2])
 
 
 @pytest.mark.parametrize("unit", ["D", "us"])
-def test_times_stay_times(run, unit):
+def test_datetime64_values_and_results_keep_their_type(run, unit):
     axis = np.array(["2021-01-01", "2020-01-01"], f"M8[{unit}]")
     results = run(later, {"t": axis, "days": [1, 2]})
     assert {type(time) for time in CALLS} == {np.datetime64}
@@ -145,7 +145,7 @@ def test_times_stay_times(run, unit):
     assert len(CALLS) == 2 and again.sel(t=np.sort(axis)).equals(results)
 
 
-def test_times_of_python(run):
+def test_python_datetimes_are_stored_as_datetime64(run):
     times = [datetime(2020, 1, 1), datetime(2020, 2, 1, 3)]
     results = run(later, {"t": times, "days": [0]})
     assert all(type(time) is datetime for time in CALLS)
@@ -156,7 +156,7 @@ def test_times_of_python(run):
     assert missing.values[1] == np.datetime64("2020-01-02")
 
 
-def test_labels_that_longer_results_have_more_of(run):
+def test_ragged_results_take_labels_of_the_longest(run):
     results = run(labelled, {"a": [1, 3]})
     assert results.k.dtype == int and results.k.values.tolist() == [5, 6, 7]
     assert results.name.values.tolist() == ["a", "bb", "ccc"]
@@ -165,7 +165,7 @@ def test_labels_that_longer_results_have_more_of(run):
     assert results.t.sel(a=1).values.tolist() == ["a", "", ""]
 
 
-def test_all_calls_may_fail(run):
+def test_sweep_completes_when_all_calls_fail(run):
     with pytest.warns(CallsFailedWarning, match="2 of 2 calls failed"):
         results = run(lambda a: 1 / 0, VALUES, outputs=("u", "v"))
     assert np.isnan(results.u).all() and results.v.dims == ("a",)
@@ -179,7 +179,7 @@ def test_an_interrupt_ends_the_sweep(run):
         run(interrupted, VALUES, version="1")
 
 
-def test_what_the_page_shows_is_so(monkeypatch, tmp_path, capsys):
+def test_examples_in_the_docs_give_the_results_shown(monkeypatch, tmp_path, capsys):
     page = Path(__file__).parents[2] / "docs" / "one_function.md"
     text = page.read_text(encoding="utf-8")
     code, cases = re.findall(r"```py(?:thon)?\n(.*?)```", text, re.S)[:2]
@@ -211,12 +211,12 @@ def test_a_fixed_argument_may_be_named_like_an_attribute_of_the_store(run):
         (lambda a: "text" if a == 2 else a, "returned result as numbers and as texts"),
     ],
 )
-def test_results_that_do_not_fit_together_are_refused(run, function, sentence):
+def test_inconsistent_results_are_refused(run, function, sentence):
     with pytest.raises(DeclarationError, match=sentence):
         run(function, VALUES)
 
 
-def test_attributes_of_nothing_are_named(run, capsys):
+def test_attrs_for_unknown_names_are_reported(run, capsys):
     found = run(lambda a: a, VALUES, attrs={"a": {"units": "m"}, "hieght": {"units": "m"}})
     assert found.a.units == "m"
     said = capsys.readouterr().err
@@ -231,7 +231,7 @@ def test_attributes_of_nothing_are_named(run, capsys):
         (lambda a: {"x": {"y": a}, "z": {"y": a}}, "returned the variable 'y' twice; rename one"),
     ],
 )
-def test_a_result_that_cannot_be_stored_fails(run, function, sentence):
+def test_unstorable_result_fails_its_call(run, function, sentence):
     with pytest.warns(CallsFailedWarning, match=sentence):
         run(function, VALUES)
 
@@ -259,7 +259,7 @@ def test_wrong_arguments_are_refused_before_any_call(run, how, sentence):
 # values as a data set -----------------------------------------------------------------------------
 
 
-def test_variables_that_share_a_dimension_run_together(run):
+def test_variables_sharing_a_dimension_are_zipped(run):
     dataset = xr.Dataset(
         {"a": ("case", [3, 1, 1]), "b": ("case", [5, 6, 6]), "c": 7},
         {"case": ["x", "y", "z"], "note": ("case", [0.5, 0.25, 0.5], {"units": "m"})},
@@ -276,7 +276,7 @@ def test_variables_that_share_a_dimension_run_together(run):
     assert CALLS == [(4, 5, 7)]
 
 
-def test_variables_on_dimensions_of_their_own_cross(run):
+def test_variables_on_separate_dimensions_are_crossed(run):
     dataset = xr.Dataset({"a": ("i", [2, 1]), "b": ("j", [3, 4, 5])}, {"j": [30, 40, 50]})
     results = run(plus, dataset)
     assert results.plus.dims == ("i", "j") and results.sizes == {"i": 2, "j": 3}
@@ -303,7 +303,7 @@ def test_failed_calls_of_a_data_set_are_named_by_their_arguments(run):
         (xr.Dataset({"a": 1}, {"i": [1, 2]}), "values has the dimension 'i', along which"),
     ],
 )
-def test_a_data_set_that_is_no_grid_is_refused(run, given, sentence):
+def test_data_sets_without_a_valid_grid_are_refused(run, given, sentence):
     with pytest.raises(ConfigurationError, match=sentence):
         run(plus, given)
 
@@ -318,7 +318,7 @@ def test_a_data_set_that_is_no_grid_is_refused(run, given, sentence):
         elements=None,
     )
 )
-def test_any_array_comes_back(tmp_path_factory, values):
+def test_any_array_round_trips(tmp_path_factory, values):
     """A function returns an array row by row; the result is the whole array."""
     if values.dtype.kind == "M":
         values = np.abs(values.astype(int) % 10**15).astype(values.dtype)

@@ -35,7 +35,7 @@ def backwards(row, valid):
     return np.concatenate(rows)[:, :2].sum(axis=1) + row.reshape(1, -1, ROWS)[0, 0][1]
 
 
-def test_a_stage_gets_the_same_by_blocks_as_whole(tmp_path):
+def test_gathering_in_blocks_equals_gathering_whole(tmp_path):
     for name, read in {"whole": "row", "blocks": At("row", in_blocks=True)}.items():
         options = {"gather": (Few.size,), "group": Group("both"), "reads": {"row": read}}
         declare = stage(Output("total", ("number",), "f8", label="total"), name=name, **options)
@@ -67,7 +67,7 @@ def gathered(tmp_path_factory):
 
 
 @given(at=st.data())
-def test_indices_are_those_of_an_array(gathered, at):
+def test_indexing_matches_numpy(gathered, at):
     lazy, array = gathered
     axes = [st.slices(n) | st.integers(-n, n - 1) | st.lists(st.integers(0, n - 1)) for n in SHAPE]
     mask = st.just(np.isfinite(array[..., 0]))
@@ -78,7 +78,7 @@ def test_indices_are_those_of_an_array(gathered, at):
     np.testing.assert_array_equal(lazy[:, flat], array[:, flat])
 
 
-def test_what_is_read_is_in_memory_alone(gathered):
+def test_only_indexed_blocks_are_held_in_memory(gathered):
     lazy, array = gathered
     tracemalloc.start()
     reshaped = lazy.reshape(12, ROWS)
@@ -88,7 +88,7 @@ def test_what_is_read_is_in_memory_alone(gathered):
     assert total == np.nansum(array) and traced < array.nbytes / 2
 
 
-def test_damage_is_noticed_when_it_is_read(gathered):
+def test_damaged_cells_raise_when_indexed(gathered):
     lazy, _ = gathered
     lost = replace(lazy.locations, keys=lazy.locations.keys + np.uint64(1))
     with pytest.raises(DamagedResultsError) as error:

@@ -101,7 +101,7 @@ HELD = {
 
 
 @pytest.mark.parametrize("how", HELD)
-def test_another_value_has_another_digest(how):
+def test_captured_values_change_the_digest(how):
     assert HELD[how](2.0)(1.5) == 3.0
     assert digest(HELD[how](2.0)) == digest(HELD[how](2.0)) != digest(HELD[how](3.0))
 
@@ -145,12 +145,12 @@ def same(first, second):
 
 
 @given(VALUES, VALUES)
-def test_digests_are_equal_where_values_are(first, second):
+def test_digests_are_equal_only_for_equal_values(first, second):
     assert (digest(by_default(first)) == digest(by_default(second))) == same(first, second)
 
 
 @given(VALUES)
-def test_a_copy_in_another_order_has_the_same_digest(value):
+def test_dict_order_does_not_change_the_digest(value):
     def copied(part):
         if isinstance(part, dict):
             return {"".join(key): copied(part[key]) for key in reversed(part)}
@@ -221,7 +221,7 @@ def test_digests_are_the_same_in_another_process():
     assert there == several_digests() and len({*there.values()}) == len(SEVERAL)
 
 
-def test_what_was_computed_from_an_object_is_no_part_of_it():
+def test_cached_properties_do_not_change_the_digest():
     lazy = Lazy()
     before = digest(by_default(lazy))
     assert lazy.half == 0.5 and digest(by_default(lazy)) == before
@@ -241,17 +241,17 @@ FUNCTIONS = yaml.safe_load(Path(__file__).with_name("functions.yaml").read_text(
 
 
 @pytest.mark.parametrize(("first", "second"), FUNCTIONS["same"])
-def test_the_same_code_has_the_same_digest(first, second):
+def test_equivalent_code_has_the_same_digest(first, second):
     assert digest(made(first)) == digest(made(second))
 
 
 @pytest.mark.parametrize(("first", "second"), FUNCTIONS["other"])
-def test_other_code_has_another_digest(first, second):
+def test_different_code_has_a_different_digest(first, second):
     assert digest(made(first)) != digest(made(second))
     assert digest(made(first)) == digest(made(first))
 
 
-def test_circles_and_shared_values_end():
+def test_cyclic_and_shared_values_are_digested():
     def circular():
         circle: list[object] = [1]
         circle.append({"circle": circle})
@@ -295,7 +295,7 @@ NONE = {
 
 
 @pytest.mark.parametrize("kind_of", NONE)
-def test_what_has_no_content_is_refused_by_its_name(sweep, tmp_path, kind_of):
+def test_values_that_cannot_be_digested_are_refused_by_name(sweep, tmp_path, kind_of):
     value = NONE[kind_of]()
     with pytest.raises(ConfigurationError, match=f"^__main__.K .*'{kind_of}'.*give version='1'"):
         digest(made("def f(x): return x if K else 0", K=value))
@@ -304,14 +304,14 @@ def test_what_has_no_content_is_refused_by_its_name(sweep, tmp_path, kind_of):
     assert not (tmp_path / "s.zarr").exists()
 
 
-def test_eval_in_no_file_is_refused():
+def test_eval_without_a_source_file_is_refused():
     with pytest.raises(
         ConfigurationError, match=r"^__main__.f uses eval.* is in no file.*version="
     ):
         digest(made("def f(x): return eval('x')"))
 
 
-def test_a_version_counts_instead_of_code(sweep):
+def test_explicit_version_replaces_the_code_digest(sweep):
     def run(k, version):
         options = {"store": f"{version}{k}.zarr", "version": version}
         return sweep(by_default(k), {"x": [1.0]}, **options).scaled.item()

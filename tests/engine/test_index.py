@@ -33,7 +33,7 @@ def six(tmp_path) -> Objects:
     return cells
 
 
-def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warnings):
+def test_newest_duplicate_is_found_and_drop_removes_all(place, warnings):
     cells = open_packs(place)
     older, newer = written(cells, 1), written(cells, 1, 2)
     added = CellIndex(Objects(Path("none")), warnings.append)
@@ -47,7 +47,7 @@ def test_the_newest_of_equal_cells_is_found_and_all_are_forgotten(place, warning
         assert index.find(keys(1, 2)).pack.tolist() == [-1, 1]
 
 
-def test_a_result_computed_again_is_found_whatever_the_clocks(tmp_path, warnings, monkeypatch):
+def test_recomputed_result_is_found_despite_clock_skew(tmp_path, warnings, monkeypatch):
     """The new result is found though the damaged one was written by a clock an hour ahead."""
     cells = open_packs(tmp_path)
     monkeypatch.setattr(packs, "time_ns", lambda: time.time_ns() + 3600 * 10**9)
@@ -63,7 +63,7 @@ def test_a_result_computed_again_is_found_whatever_the_clocks(tmp_path, warnings
 
 @settings(deadline=None)
 @given(st.data())
-def test_an_index_finds_what_a_dictionary_finds(data):
+def test_index_lookup_matches_a_dict(data):
     """This holds for any cells in any packs; a key with only an equal first half is not found."""
     key = st.integers(0, 4).map(lambda n: (n * (2**62 - 1), n))
     some = st.lists(key, max_size=6)
@@ -92,7 +92,7 @@ def test_costs_are_means_of_the_latest_packs(tmp_path, warnings):
     assert CellIndex(cells, warnings.append).costs() == {"a": (0.5, pack.size / 6)}
 
 
-def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, warnings):
+def test_pruning_removes_leftovers_of_killed_writers(six, warnings):
     leftovers = [six.path / name for name in ("0.pack#1", f"0{MARKER}")]
     for path in leftovers:
         path.write_bytes(b"")
@@ -103,7 +103,7 @@ def test_what_killed_writers_left_goes_when_the_cache_is_pruned(six, warnings):
     assert whole(six, index, range(6)) and warnings == []
 
 
-def test_a_pack_that_says_something_else_has_no_cells(six, warnings):
+def test_invalid_packs_are_reported_and_have_no_cells(six, warnings):
     lost = written(six, "lost").path
     (six.path / lost).write_bytes(b"something else")
     (six.path / "notes.pack").write_text("of another version")
@@ -118,7 +118,7 @@ def test_a_pack_that_says_something_else_has_no_cells(six, warnings):
 @settings(max_examples=20, deadline=None)
 @given(sizes=st.lists(st.integers(0, 200), min_size=5, max_size=5), percent=st.integers(0, 100))
 @example(sizes=[1, 2, 3, 4, 5], percent=100)
-def test_the_oldest_packs_go_first(sizes, percent):
+def test_pruning_deletes_the_oldest_packs_first(sizes, percent):
     """Pruning deletes the same packs as a simple model does."""
     with tempfile.TemporaryDirectory() as name:
         cells = Objects(Path(name))
@@ -135,7 +135,7 @@ def test_the_oldest_packs_go_first(sizes, percent):
         assert cells.sizes().keys() == {pack.path for pack in stay}
 
 
-def test_an_index_reads_the_packs_of_its_folders_alone(tmp_path, warnings):
+def test_index_reads_only_packs_in_its_folders(tmp_path, warnings):
     """Packs in folders of other stages or other code are not read and may be damaged."""
     cells = open_packs(tmp_path)
     packing = PackWriter()
@@ -153,7 +153,7 @@ def test_an_index_reads_the_packs_of_its_folders_alone(tmp_path, warnings):
 # permissions --------------------------------------------------------------------------------------
 
 
-def test_a_cache_is_made_for_this_user_alone(tmp_path, umask, warnings):
+def test_cache_is_created_private_to_the_user(tmp_path, umask, warnings):
     umask(0)
     cells = open_packs(tmp_path / "home" / "cache")
     written(cells, 1)

@@ -40,7 +40,7 @@ def heard():
         signal.signal(number, handler)
 
 
-def test_a_signal_waits_until_it_is_heeded():
+def test_signals_are_deferred_until_checked():
     with defer_signals():
         arrive()
         arrive(signal.SIGTERM)  # signals after the first change nothing
@@ -83,7 +83,7 @@ WHERE = {  # step of the sweep during which the signal arrives
 
 
 @pytest.mark.parametrize("where", WHERE)
-def test_a_signal_at_any_moment_is_one_sentence_and_resumed(where, tmp_path, monkeypatch, capsys):
+def test_interrupted_sweep_reports_one_line_and_resumes(where, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with monkeypatch.context() as patch:
         experiment = WHERE[where](patch) or SPRINGS

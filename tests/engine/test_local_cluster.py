@@ -81,7 +81,7 @@ def parent_and_modules():
     return psutil.Process().parent().num_threads(), set(sys.modules)
 
 
-def test_workers_have_the_modules_of_stages_and_what_these_list(cluster):
+def test_workers_preload_stage_modules_and_their_listed_imports(cluster):
     assert preloaded_modules([__name__, "nowhere", __name__]) == [__name__, "wave", "nowhere"]
     run, _ = cluster
     assert run.worker_count == 1  # not more than tasks
@@ -90,7 +90,7 @@ def test_workers_have_the_modules_of_stages_and_what_these_list(cluster):
     assert threads == 1  # it is not safe to fork a process with more threads
 
 
-def test_only_holders_of_the_certificate_on_this_machine_are_heard(cluster):
+def test_only_local_certificate_holders_can_connect(cluster):
     run, addresses = cluster
     assert {address.ip for address in addresses} == {"127.0.0.1"}
     ports = [address.port for address in addresses]
@@ -105,7 +105,7 @@ def test_only_holders_of_the_certificate_on_this_machine_are_heard(cluster):
         assert not heard(port, None)
 
 
-def test_the_next_workers_are_forked_from_the_same_process():
+def test_fork_server_is_reused():
     assert start_fork_server([]) == "forkserver"
     server = executors.running_server()
     assert start_fork_server(["tabnanny"]) == "forkserver"
@@ -130,7 +130,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_module_that_is_edited_at_a_prompt_is_run_as_it_is_now(tmp_path):
+def test_workers_run_the_reloaded_version_of_edited_modules(tmp_path):
     (tmp_path / "prompt.py").write_text(EDITED)
     done = python("-B", "prompt.py", cwd=tmp_path, PYTHONPATH=executors.IMPORTS)
     assert done.stdout.split() == ["1", "2"]

@@ -70,7 +70,7 @@ def test_a_living_owner_keeps_the_lock_and_a_dead_one_loses_it(holder):
     assert seconds_since_renewal(path) is None and not lock_names(path)
 
 
-def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
+def test_inspecting_a_lock_does_not_disturb_writers(tmp_path):
     path, lock = tmp_path / "s.zarr", tmp_path / ".s.zarr.lock"
     lock.write_text("of a killed process")
     assert seconds_since_renewal(path) is None and lock.exists()
@@ -81,7 +81,7 @@ def test_a_look_at_a_lock_disturbs_no_writer(tmp_path):
             assert seconds_since_renewal(path) == 0.0
 
 
-def test_a_lock_is_no_link_to_another_file(tmp_path):
+def test_symlinked_lock_file_is_refused(tmp_path):
     victim, lock = tmp_path / "victim", tmp_path / ".s.zarr.lock"
     victim.write_text("kept")
     lock.symlink_to(victim)
@@ -120,7 +120,7 @@ def test_there_is_one_writer_at_a_time(tmp_path):
     assert not lock_names(path)
 
 
-def test_of_many_that_find_a_dead_owner_in_a_bucket_one_takes_over(bucket, monkeypatch):
+def test_only_one_contender_takes_over_a_stale_bucket_lock(bucket, monkeypatch):
     monkeypatch.setattr(locks, "RENEW_INTERVAL", 0.1)
     path, start, tried = below(bucket, "s.zarr"), threading.Barrier(6), threading.Barrier(6)
     Objects(bucket).put(".s.zarr.lock", b"process 1 on host since 2000-01-01T00:00:00")
@@ -141,7 +141,7 @@ def test_of_many_that_find_a_dead_owner_in_a_bucket_one_takes_over(bucket, monke
     assert not lock_names(path)
 
 
-def test_a_slow_answer_of_a_bucket_is_no_silence_of_the_owner(bucket, monkeypatch):
+def test_slow_bucket_responses_do_not_expire_the_lease(bucket, monkeypatch):
     def slow(objects, name, get=Objects.get_versioned):
         time.sleep(1.1 * locks.LEASE)
         return get(objects, name)
@@ -155,7 +155,7 @@ def test_a_slow_answer_of_a_bucket_is_no_silence_of_the_owner(bucket, monkeypatc
         check()
 
 
-def test_an_owner_in_a_bucket_that_is_silent_loses_it_and_is_told(bucket):
+def test_owner_that_stops_renewing_loses_the_bucket_lock(bucket):
     path = below(bucket, "s.zarr")
     with store_lock(path) as check:
         check()
@@ -166,7 +166,7 @@ def test_an_owner_in_a_bucket_that_is_silent_loses_it_and_is_told(bucket):
     assert not lock_names(path)
 
 
-def test_an_answer_that_is_lost_loses_no_lock(bucket, monkeypatch):
+def test_retried_renewal_keeps_the_lock(bucket, monkeypatch):
     """A renewal that is repeated after the server has written it finds a newer version: its own."""
     path, put = below(bucket, "s.zarr"), Objects.put_if
 

@@ -96,7 +96,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("words", "settings", "stages"), MISTAKES)
-def test_mistakes_are_named_when_an_experiment_is_assembled(words, settings, stages):
+def test_invalid_experiments_are_refused(words, settings, stages):
     with pytest.raises(DeclarationError) as refused:
         Experiment("few", "Few", (*settings, *stages))
     assert words in str(refused.value) and "\n" not in str(refused.value)
@@ -114,19 +114,19 @@ HERE = r"^[\w/]*test_mistakes\.py:\d+: "  # the prefix of each message
         ("'few.size' as settings of its stream", {"stream": Stream(Few.size)}),
     ],
 )
-def test_one_of_what_may_be_several_needs_a_comma(word, wrong):
+def test_scalars_in_place_of_tuples_are_refused(word, wrong):
     with pytest.raises(DeclarationError, match=f"{HERE}stage one has {word}, but must have a tup"):
         few_stage(**wrong)
 
 
-def test_an_output_has_a_tuple_of_dimensions_and_a_unit_that_is_a_text():
+def test_output_requires_tuple_dims_and_string_unit():
     with pytest.raises(DeclarationError, match=HERE + "stage one has 'row' as dims of x, but must"):
         few_stage(Output("x", "row"))
     with pytest.raises(DeclarationError, match=HERE + r"stage one: x has unit=\('m', 2\), but"):
         few_stage(Output("x", unit=("m", 2)))
 
 
-def test_a_setting_has_a_name_that_is_free_and_a_unit_that_is_a_text():
+def test_setting_requires_unreserved_name_and_string_unit():
     with pytest.raises(DeclarationError, match=HERE + "setting key must have another name"):
 
         class _(Settings, key="wrong"):
@@ -138,7 +138,7 @@ def test_a_setting_has_a_name_that_is_free_and_a_unit_that_is_a_text():
             size = count(1, label="size", unit=("J/k", 2))
 
 
-def test_a_stage_that_draws_without_a_stream_is_named_where_its_draws_are_gathered():
+def test_gathering_draws_of_a_stage_without_stream_is_refused():
     drawn = few_stage(function=lambda size, rng: size, name="drawn")
     mean = few_stage(Output("y"), function=lambda drawn, size: drawn, name="mean")
     with pytest.raises(DeclarationError) as caught:
@@ -157,6 +157,6 @@ TABLES = [
 
 
 @pytest.mark.parametrize(("words", "tables"), TABLES)
-def test_a_table_of_a_group_that_nobody_makes_is_named(words, tables):
+def test_tables_of_unavailable_groups_are_refused(words, tables):
     with pytest.raises(DeclarationError, match=words):
         Experiment("few", "Few", (*FEW, GOOD, *(Table(*group, print) for group in tables)))

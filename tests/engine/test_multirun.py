@@ -36,7 +36,7 @@ def test_swept_settings_are_crossed_into_one_cube(command, tmp_path):
     assert files(tmp_path / "l.zarr") == files(tmp_path / "s.zarr")
 
 
-def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
+def test_config_group_choices_form_one_axis(command, tmp_path):
     assert command("-m", "store=m.zarr", "spring=hard,soft", "measured.draw=1") == 0
     springs = opened(tmp_path / "m.zarr", "springs")
     assert springs.period.dims == ("stiffness", "spring")
@@ -52,7 +52,7 @@ def test_the_choices_of_a_group_run_together_under_its_name(command, tmp_path):
     assert joint == [["spring", keys, points, ["hard", "soft"]]]
 
 
-def test_experiments_that_no_product_makes_are_jobs(command, tmp_path):
+def test_experiments_that_cannot_be_crossed_become_jobs(command, tmp_path):
     assert command("-m", "store=m.zarr", "+experiment=short,long", "measured.draw=1") == 0
     answers = opened(tmp_path / "m.zarr", "answers")
     assert answers.answer.dims == ("mass", "job")
@@ -66,7 +66,7 @@ def test_experiments_that_no_product_makes_are_jobs(command, tmp_path):
     np.testing.assert_array_equal(answers.answer[:, 1:], job_answers)
 
 
-def test_settings_run_together_by_zip(command, tmp_path):
+def test_grid_zip_joins_settings_into_one_axis(command, tmp_path):
     pairs = ("spring.mass=[3,1,3]", "spring.limit=[9,9,5]", "grid.zip=[[mass,spring.limit]]")
     assert command("store=z.zarr", *pairs) == 0
     springs = opened(tmp_path / "z.zarr", "springs")
@@ -87,7 +87,7 @@ REFUSED, TOO_LARGE = ROWS["multirun"], ROWS["too large"]
 
 
 @pytest.mark.parametrize("arguments", REFUSED)
-def test_what_cannot_be_one_sweep_is_refused(command, tmp_path, capsys, arguments):
+def test_invalid_multiruns_and_zips_are_refused(command, tmp_path, capsys, arguments):
     assert command(*arguments.split(" ")) == 2
     (message,) = capsys.readouterr().err.splitlines()
     assert message.startswith("springs: ")
@@ -95,7 +95,7 @@ def test_what_cannot_be_one_sweep_is_refused(command, tmp_path, capsys, argument
     assert not list(tmp_path.glob("*.zarr")) and not (tmp_path / "cache").exists()
 
 
-def test_by_a_launcher_of_hydra_each_job_is_a_sweep_of_its_own(command, tmp_path):
+def test_hydra_launcher_runs_each_job_as_its_own_sweep(command, tmp_path):
     launched = ("-m", "hydra/launcher=basic", "hydra.sweep.dir=jobs")
     assert command(*launched, "spring.mass=0,3", "measured.draw=1") == 2
     (store,) = (tmp_path / "jobs").rglob("*.zarr")
@@ -103,7 +103,7 @@ def test_by_a_launcher_of_hydra_each_job_is_a_sweep_of_its_own(command, tmp_path
     assert opened(store, "springs").mass.values.tolist() == [3]
 
 
-def test_a_setting_in_the_path_of_the_store_keeps_jobs_apart(command, tmp_path):
+def test_interpolated_store_path_splits_jobs_into_stores(command, tmp_path):
     assert command("-m", "store=m${spring.mass}.zarr", "spring.mass=1,3", "spring.limit=50,60") == 0
     for mass in (1, 3):
         springs = opened(tmp_path / f"m{mass}.zarr", "springs")
@@ -111,7 +111,7 @@ def test_a_setting_in_the_path_of_the_store_keeps_jobs_apart(command, tmp_path):
 
 
 @pytest.mark.parametrize("arguments", TOO_LARGE)
-def test_grids_that_no_memory_holds_are_refused(command, tmp_path, capsys, arguments):
+def test_oversized_grids_are_refused(command, tmp_path, capsys, arguments):
     assert command("cluster=inline", "store=s.zarr", *arguments.split()) == 2
     (message,) = capsys.readouterr().err.splitlines()
     assert message.startswith("springs: ") and not list(tmp_path.iterdir())

@@ -56,7 +56,7 @@ def contents(draw):
 
 @settings(max_examples=60, deadline=None)
 @given(contents=contents(), data=st.data())
-def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
+def test_packs_round_trip_into_aligned_unshared_arrays(contents, data):
     rows = data.draw(st.lists(st.integers(0, len(contents) - 1), max_size=8))
     with tempfile.TemporaryDirectory() as name:
         cells, names = Objects(Path(name)), range(len(contents))
@@ -74,7 +74,7 @@ def test_what_is_written_is_read_back_aligned_and_apart(contents, data):
 
 
 @pytest.mark.parametrize("code", ["O", "f8,i4", "T"])
-def test_what_cannot_be_kept_is_refused(tmp_path, code):
+def test_uncacheable_dtypes_are_refused(tmp_path, code):
     with pytest.raises(TypeError, match="cannot be cached"):
         write_pack(Objects(tmp_path), "stage", [1], [{"a": np.zeros(2, dtype=code)}])
     assert list(tmp_path.iterdir()) == []
@@ -122,7 +122,7 @@ def changed(draw, content):
 
 @settings(max_examples=200, deadline=None)
 @given(data=st.data())
-def test_a_changed_head_that_fits_its_name_reads_no_more_than_there_is(data):
+def test_corrupt_header_with_valid_digest_never_overreads(data):
     with tempfile.TemporaryDirectory() as name:
         cells = Objects(Path(name))
         pack = write_pack(cells, "s", range(3), MIXED)
@@ -141,7 +141,7 @@ def sealed_as(folder: Path, head: bytes, records: bytes) -> str:
     return path
 
 
-def test_what_is_gone_or_no_pack_is_absent(tmp_path):
+def test_missing_or_invalid_packs_are_absent(tmp_path):
     cells = Objects(tmp_path)
     pack = written(cells, 0, 1, 2)
     (tmp_path / pack.path).unlink()
@@ -178,7 +178,7 @@ def of_line(cells: Objects, line, number=0, key=1) -> Pack:
     return pack, cell
 
 
-def test_a_pack_may_say_where_it_is_from(tmp_path):
+def test_header_gives_stage_and_computing_time(tmp_path):
     pack, cell = of_line(Objects(tmp_path), LINE)
     assert (pack.stage, pack.seconds, pack.cells) == ("s", 0.5, 1)
     assert cell["a"].tolist() == [0, 1]
@@ -200,14 +200,14 @@ HUGE = 2**62
         *(["s", 0, [[["a", code, [2]]]]] for code in ("|O", "<f8,<i4", "(2,)<f8", "", "T")),
     ],
 )
-def test_a_pack_that_says_something_else_is_damaged(tmp_path, line):
+def test_packs_with_malformed_headers_are_damaged(tmp_path, line):
     """The pack's name fits its head; such layouts could read bytes as pointers or fill memory."""
     _, cell = of_line(Objects(tmp_path), line)
     assert cell is None
 
 
 @pytest.mark.parametrize("longer", [1, 28, 10**9])
-def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
+def test_packs_with_overstated_header_size_are_damaged(tmp_path, longer):
     cells = Objects(tmp_path)
     path = written(cells, 1).path
     size = int(HEAD.fullmatch(path)[2], 16)
@@ -219,7 +219,7 @@ def test_a_pack_of_more_cells_than_it_has_is_damaged(tmp_path, longer):
     assert pack == Pack(longer_path, len(content)) and len(there) == 0
 
 
-def test_a_lack_of_descriptors_is_not_damage(tmp_path, monkeypatch):
+def test_running_out_of_descriptors_is_not_reported_as_damage(tmp_path, monkeypatch):
     cells = Objects(tmp_path)
     pack = written(cells, 1)
 
@@ -233,7 +233,7 @@ def test_a_lack_of_descriptors_is_not_damage(tmp_path, monkeypatch):
         CellIndex(cells, print)
 
 
-def test_a_network_that_fails_is_not_damage(bucket, monkeypatch):
+def test_network_failure_is_not_reported_as_damage(bucket, monkeypatch):
     cells = open_packs(bucket)
     pack = written(cells, 1)
     monkeypatch.setattr(places, "RETRIES", 1)

@@ -32,7 +32,7 @@ def keys(plan, name):
     lengths=st.lists(st.integers(1, 50), min_size=1, max_size=5, unique=True),
     data=st.data(),
 )
-def test_a_key_depends_on_values_and_not_on_their_places(masses, lengths, data):
+def test_keys_depend_on_values_not_positions(masses, lengths, data):
     wide = planned(spring__mass=masses, measured__length=lengths)
     mass, length = data.draw(st.sampled_from(masses)), data.draw(st.sampled_from(lengths))
     narrow = planned(spring__mass=mass, measured__length=length)
@@ -60,7 +60,7 @@ CHANGED = {
 
 
 @pytest.mark.parametrize("key", CHANGED)
-def test_another_value_changes_the_keys_of_what_depends_on_it_alone(key):
+def test_changed_value_changes_only_keys_of_dependent_stages(key):
     value, stages = CHANGED[key]
     before, after = planned(), planned(**{key: value})
     names = {bound.name for bound in before.targets}
@@ -68,7 +68,7 @@ def test_another_value_changes_the_keys_of_what_depends_on_it_alone(key):
 
 
 @pytest.mark.parametrize("change", [{"dtype": "f2"}, {"name": "swing"}])
-def test_how_an_output_is_kept_counts(change):
+def test_output_name_and_dtype_change_keys(change):
     """Keys depend on name and dtype of an output, which are not part of the function's code."""
     (output,) = period.outputs
     replaced = replace(period, outputs=(replace(output, **change),))
@@ -82,7 +82,7 @@ def summed(**inputs):
     return sum(inputs.values())
 
 
-def test_the_keyword_by_which_a_function_gets_an_input_counts():
+def test_input_keyword_changes_keys():
     def key(name):
         options = {"reads": {name: "period"}, "name": "told", "group": Group("told")}
         declared = stage(Output("told", label="told"), **options)(summed)
@@ -93,7 +93,7 @@ def test_the_keyword_by_which_a_function_gets_an_input_counts():
     assert key("ours") == key("ours") != key("theirs")
 
 
-def test_the_order_of_axes_given_to_a_function_counts():
+def test_order_of_gathered_axes_changes_keys():
     """If an axis has one value, either order gathers the same cells, but keys must differ."""
 
     class Sea(Settings, key="sea"):
@@ -124,7 +124,7 @@ HALVES = st.integers(0, 2).map(lambda n: n * (2**63 - 1))
 
 
 @given(st.lists(st.tuples(HALVES, HALVES), max_size=12))
-def test_distinct_keys_are_those_of_a_dictionary(keys):
+def test_unique_keys_match_a_dict(keys):
     """This also holds for keys of which only one half is equal."""
     first, number = unique_keys(np.array(keys, np.uint64).reshape(-1, 2))
     expected = {key: place for place, key in reversed([*enumerate(keys)])}
@@ -132,7 +132,7 @@ def test_distinct_keys_are_those_of_a_dictionary(keys):
     assert [first[n] for n in number] == [expected[key] for key in keys]
 
 
-def test_what_is_mixed_in_counts_and_its_order():
+def test_folded_values_and_their_order_change_keys():
     """No two of 200,000 keys have an equal half; equal halves by chance occur once in 10^9 runs."""
     words = hash_texts(map(str, range(447)))
     pairs = np.repeat(words, len(words), axis=0)
@@ -141,7 +141,7 @@ def test_what_is_mixed_in_counts_and_its_order():
     assert all(len(np.unique(half)) == len(keys) for half in keys.T)
 
 
-def test_mixing_changes_half_of_the_bits():
+def test_folding_flips_about_half_of_the_bits():
     """Flipping any of 64 bits that are mixed in changes 45 to 55% of the bits of 1,000 keys."""
     keys = hash_texts(map(str, range(1000)))
     for bit in range(64):

@@ -64,7 +64,7 @@ def healed(store, cache, values):
 
 @settings(max_examples=10, deadline=None, suppress_health_check=list(HealthCheck))
 @given(actions=actions())
-def test_whatever_happens_the_store_is_that_of_one_clean_run(tmp_path_factory, actions):
+def test_store_matches_a_clean_run_after_any_faults(tmp_path_factory, actions):
     folder = tmp_path_factory.mktemp("whatever")
     store, cache = folder / "s.zarr", folder / "cache"
     values = {key: axis[-2:-1] for key, axis in AXES.items()}

@@ -40,7 +40,7 @@ def grown(rows):
     return {"one": ArrayGroup({"x": x, "note": note}), "two/three": ArrayGroup({"x": x})}
 
 
-def test_a_disk_that_is_full_leaves_the_old_store_or_all_of_the_new(tmp_path):
+def test_full_disk_leaves_the_old_or_the_new_store(tmp_path):
     path = tmp_path / "s.zarr"
     write_store(tmp_path / "t.zarr", small(2), {"seed": 2})
     write_store(path, small(1), {"seed": 1})
@@ -62,7 +62,7 @@ def test_a_disk_that_is_full_leaves_the_old_store_or_all_of_the_new(tmp_path):
     assert contents(path) == after
 
 
-def test_a_put_that_fails_is_noticed_though_later_ones_succeed(tmp_path, monkeypatch):
+def test_failed_put_raises_even_if_later_puts_succeed(tmp_path, monkeypatch):
     path, put = tmp_path / "s.zarr", Objects.put
 
     def failing(objects, name, content):
@@ -78,7 +78,7 @@ def test_a_put_that_fails_is_noticed_though_later_ones_succeed(tmp_path, monkeyp
 
 
 @pytest.mark.parametrize("old", [None, 3])
-def test_a_store_is_whole_whenever_its_writer_ends(place, old):
+def test_store_is_consistent_after_a_failed_write(place, old):
     direct, new = below(place, "direct.zarr"), 5
     write_store(direct, grown(new), {"rows": new})
     # Requests to a bucket take milliseconds: test only every fifth moment there.
@@ -139,7 +139,7 @@ for line in sys.stdin:  # of each, a writer that is killed
 """
 
 
-def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
+def test_store_is_consistent_after_its_writer_is_killed(tmp_path):
     path = tmp_path / "s.zarr"
     write_store(path, small(1), {"value": 1})
     delays = random.Random(5)
@@ -169,7 +169,7 @@ def test_a_store_is_whole_whenever_its_writer_is_killed(tmp_path):
     assert os.listdir(tmp_path) == ["s.zarr"]
 
 
-def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
+def test_growing_an_array_neither_reads_nor_rewrites_old_chunks(tmp_path):
     path, folder = tmp_path / "s.zarr", tmp_path / "s.zarr/g/x"
     values = np.arange(12.0).reshape(4, 3)
 
@@ -204,7 +204,7 @@ def test_the_chunks_of_an_array_that_grows_stay_and_are_not_read(tmp_path):
         assert new == everything or inodes() >= before
 
 
-def test_readers_of_a_growing_store_never_see_two(place):
+def test_readers_never_see_mixed_states_of_a_growing_store(place):
     path = below(place, "s.zarr")
     write_store(path, grown(1), {})
     done = threading.Event()

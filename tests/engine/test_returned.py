@@ -41,7 +41,7 @@ LOST = [
 
 
 @pytest.mark.parametrize(("dtype", "value", "named"), LOST, ids=str)
-def test_what_a_dtype_does_not_hold_is_refused(dtype, value, named):
+def test_values_the_dtype_cannot_represent_are_refused(dtype, value, named):
     with pytest.raises(TypeError) as refused:
         returned(dtype, value, np.ndim(np.array(value, dtype=object)))
     sentence = str(refused.value)
@@ -67,7 +67,7 @@ KEPT = [
 
 
 @pytest.mark.parametrize(("dtype", "value", "expected"), KEPT, ids=str)
-def test_what_a_dtype_holds_is_kept(dtype, value, expected):
+def test_values_the_dtype_can_represent_are_kept(dtype, value, expected):
     array = returned(dtype, value, np.ndim(expected))
     assert array.dtype == dtype
     np.testing.assert_array_equal(array, np.array(expected, dtype=dtype))
@@ -115,7 +115,7 @@ def test_shares_of_cells_that_failed_or_are_missing_are_nan(partial, tmp_path):
     assert results.share.mean() == pytest.approx(np.nanmean([0, 1, 1 / 255, 0, 1, 3 / 255]))
 
 
-def test_a_share_has_a_dtype_that_leaves_room_for_what_is_missing():
+def test_share_dtype_without_room_for_nan_is_refused():
     wide = replace(shares, outputs=(replace(shares.outputs[1], dtype="u8"),))
     with pytest.raises(DeclarationError, match=r"fine has the dtype 'u8', but .* u1, u2, u4"):
         of(wide)
@@ -128,7 +128,7 @@ def growing(size):
     return np.zeros(size)
 
 
-def test_padding_that_is_not_declared_is_refused_at_once_and_costs_no_results(tmp_path):
+def test_undeclared_padding_is_refused_early_without_losing_results(tmp_path):
     CALLS.clear()
     with pytest.raises(DeclarationError) as refused:
         run_few([growing], tmp_path / "s.zarr", tmp_path / "cache", range(1, 1001))

@@ -26,13 +26,13 @@ whole = st.integers(-(10**18), 10**18)
 
 @settings(deadline=None)
 @given(st.lists(finite, min_size=1, unique=True))
-def test_numbers_come_in_ascending_order_whatever_was_written(values):
+def test_numbers_are_sorted_in_ascending_order(values):
     read = Number().values("a.b", values)
     assert read == tuple(sorted(float(value) for value in values))
     assert all(math.copysign(1, value) == 1 for value in read if value == 0)
 
 
-def test_words_come_in_their_own_order_whatever_was_written():
+def test_words_are_sorted_in_declared_order():
     assert Word(("x", "y", "z")).values("a.b", ["z", "x"]) == ("x", "z")
     assert Switch().values("a.b", [True, False]) == (False, True)
 
@@ -52,7 +52,7 @@ EXACT = {
 }
 
 
-def test_times_finer_than_the_unit_are_not_cut_off():
+def test_dates_finer_than_the_unit_are_refused():
     assert Date("h").holds("2020-01-01T12") and Date("D").holds("2020-01-01T00")
     assert not Date("D").holds("2020-01-01T12")
 
@@ -68,7 +68,7 @@ def test_steps_are_exact_decimals(kind):
 
 @settings(deadline=None)
 @given(start=st.integers(-1000, 1000), step=st.integers(1, 1000), steps=st.integers(0, 500))
-def test_steps_end_at_stop_where_they_land_on_it(start, step, steps):
+def test_steps_include_stop_if_they_reach_it(start, step, steps):
     range_ = {"start": start / 100, "stop": (start + step * steps) / 100, "step": step / 100}
     read = Number().values("a.b", range_)
     # Each product and quotient may err by one unit in the last place; 12 decimals are kept.
@@ -113,7 +113,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("kind", "given", "sentence"), REFUSED)
-def test_what_is_refused_is_named_with_what_is_allowed(kind, given, sentence):
+def test_invalid_values_are_refused_with_the_allowed_range(kind, given, sentence):
     with pytest.raises(ValueError) as refused:  # noqa: PT011
         kind.values("a.b", given)
     assert sentence in str(refused.value) and "\n" not in str(refused.value)
@@ -129,7 +129,7 @@ class Apart(Settings, key="apart"):
     name = text(None, label="name", dimension="called")
 
 
-def test_a_setting_that_is_no_axis_says_why():
+def test_settings_that_cannot_be_swept_explain_why():
     with pytest.raises(ConfigurationError) as refused:
         read_choices(Apart.declared, {"apart.only": [1, 2]})
     assert str(refused.value) == "apart.only has 2 values, but must have one: it shapes arrays"

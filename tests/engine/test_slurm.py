@@ -60,7 +60,7 @@ def jobs(*states):
     return sorted(map(int, slurm.asked("squeue", "-h", "-o", "%A", *chosen)))
 
 
-def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
+def test_jobs_are_single_threaded_with_requested_slurm_options(tmp_path):
     options = {"queue": "compute", "account": "radar", "walltime": "0-00:10:00", "memory": "500MiB"}
     sentences = []
     choice = ClusterChoice(kind="slurm", workers=2, interface="lo", **options)
@@ -84,7 +84,7 @@ def test_jobs_run_tasks_with_one_thread_and_what_is_asked_of_slurm(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_job_killed_and_a_node_drained_change_nothing_of_the_store(tmp_path, capsys):
+def test_store_is_unaffected_by_killed_jobs_and_drained_nodes(tmp_path, capsys):
     (node,) = slurm.asked("sinfo", "-h", "-o", "%n")
 
     def meddle():
@@ -127,14 +127,14 @@ def test_ctrl_c_cancels_jobs(tmp_path, capsys):
         ("cluster.interface=ib7", "'ib7' is not a valid network interface"),
     ],
 )
-def test_what_slurm_has_not_is_refused_in_a_sentence(asked, why, capsys):
+def test_unknown_partition_or_interface_is_refused(asked, why, capsys):
     assert Command(SPRINGS).main(["cache=cache", "store=s.zarr", *ON_SLURM, asked]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1].startswith("springs: cluster.kind is slurm, but no job starts: ")
     assert why in lines[-1] and len(lines) == 3
 
 
-def test_jobs_that_end_before_they_have_a_worker_are_given_up(monkeypatch, capsys):
+def test_jobs_ending_before_a_worker_starts_abort_the_sweep(monkeypatch, capsys):
     monkeypatch.setenv("PYTHONHOME", "/nowhere")
     assert Command(SPRINGS).main(["cache=cache", "store=s.zarr", *ON_SLURM]) == 2
     message = "springs: cluster.kind is slurm, but its jobs end before a worker starts ("
@@ -142,7 +142,7 @@ def test_jobs_that_end_before_they_have_a_worker_are_given_up(monkeypatch, capsy
     assert jobs() == []
 
 
-def test_a_job_that_waits_says_why():
+def test_pending_job_reports_the_reason():
     sentences = []
     choice = ClusterChoice(kind="slurm", workers=1, memory="1GiB", walltime="3-0:0:0")
     with open_executor(choice, say=sentences.append):
@@ -150,7 +150,7 @@ def test_a_job_that_waits_says_why():
     assert sentences[1].startswith("no Slurm job has a worker yet (Partition")
 
 
-def test_the_launcher_of_hydra_runs_a_job_of_slurm_for_each_sweep(tmp_path):
+def test_submitit_launcher_runs_one_slurm_job_per_sweep(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_submitit_launcher")
     (tmp_path / "springs.py").write_text(
         "import sys\nfrom toys import SPRINGS\nfrom sweeps.engine.command.line import Command\n"
@@ -187,7 +187,7 @@ print(signal.getsignal(signal.SIGINT) is before)
 """
 
 
-def test_the_import_of_dask_jobqueue_needs_the_main_thread_and_leaves_ctrl_c_alone():
+def test_jobqueue_import_needs_main_thread_and_keeps_sigint_handler():
     refused, handler = python("-c", JOBQUEUE).stdout.splitlines()
     assert refused.startswith("cluster.kind is slurm, but dask-jobqueue (pip install dask-jobqueue")
     assert "main thread" in refused and handler == "True"

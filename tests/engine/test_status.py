@@ -45,7 +45,7 @@ def rows(text):
     return {words[0]: words[1:] for words in map(str.split, text.splitlines()[2:])}
 
 
-def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start, monkeypatch):
+def test_status_shows_running_stopped_and_finished_sweeps(start, monkeypatch):
     monkeypatch.setattr(progress, "SAVE_INTERVAL", 0.0)
     monkeypatch.setattr(progress, "MIN_WORK", 0.2)
     tables = []
@@ -78,7 +78,7 @@ def test_a_sweep_is_seen_while_it_runs_and_when_it_is_stopped_or_finished(start,
     assert reused > 0 and reused + done == 74 and failed == remaining == 0
 
 
-def test_of_a_sweep_that_is_finished_nothing_is_left_however_quick_it_was(start):
+def test_status_of_a_finished_sweep_has_no_cells_left(start):
     start(*GIVEN)
     for _ in range(2):  # the second sweep computes nothing and keeps the counts of the first
         output = start(*SEEN)
@@ -88,7 +88,7 @@ def test_of_a_sweep_that_is_finished_nothing_is_left_however_quick_it_was(start)
         start(*GIVEN)
 
 
-def test_of_a_killed_sweep_in_a_bucket_the_last_sign_is_shown(start, bucket, monkeypatch):
+def test_status_shows_last_heartbeat_of_a_killed_bucket_sweep(start, bucket, monkeypatch):
     store = f"{bucket}/s.zarr"
     start(f"store={store}", *GIVEN[1:])
     (file,) = Path("cache", "status").iterdir()
@@ -104,7 +104,7 @@ def test_of_a_killed_sweep_in_a_bucket_the_last_sign_is_shown(start, bucket, mon
     assert f"{store}: stopped; " in start(*seen)
 
 
-def test_a_status_that_cannot_be_shown_is_refused(start):
+def test_invalid_status_requests_are_refused(start):
     output = start("--status", "store=t.zarr", "cache=cache", status=2)
     assert "no sweep of 't.zarr' is recorded in the cache 'cache'; give the store=" in output
     assert "store is 't.zarr', which does not exist" in start("--why", "store=t.zarr", status=2)
@@ -118,7 +118,7 @@ def test_a_status_that_cannot_be_shown_is_refused(start):
         assert "whose state of the sweep of 's.zarr' cannot be read" in start(*SEEN, status=2)
 
 
-def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_path):
+def test_partial_store_is_completed_by_a_full_run(start, tmp_path):
     start("store=narrow.zarr", *GIVEN[1:], "spring.mass=1")
     start(*GIVEN, "partial=true")
     store = tmp_path / "s.zarr"
@@ -136,7 +136,7 @@ def test_what_is_there_so_far_is_a_store_that_the_command_completes(start, tmp_p
     assert contents(store) == contents(tmp_path / "t.zarr")
 
 
-def test_a_store_of_nothing_and_a_partial_one_of_a_whole_one(start, tmp_path):
+def test_partial_run_never_replaces_a_complete_store(start, tmp_path):
     start(*GIVEN, "partial=true")
     assert read_attributes(tmp_path / "s.zarr")["partial"] == "74 of 74 cells are missing"
     assert (opened(tmp_path / "s.zarr", "status").period == -1).all()
@@ -164,7 +164,7 @@ def test_a_cache_is_pruned_unless_a_sweep_uses_it(start):
     assert not [*Path("cache").rglob("*.pack")]
 
 
-def test_a_sweep_says_that_its_cache_is_large(start, capsys):
+def test_sweep_warns_when_the_cache_exceeds_its_limit(start, capsys):
     assert Command(SPRINGS).main([*GIVEN, "cache_limit=1e-6"]) == 0
     message = "more than cache_limit, 1e-06 GB; `springs --cache prune=1e-06GB` deletes the oldest"
     assert message in capsys.readouterr().err

@@ -73,7 +73,7 @@ SCALARS = {
 }
 
 
-def test_scalar_coordinates_are_read_as_they_were_written(tmp_path):
+def test_scalar_coordinates_round_trip(tmp_path):
     """They are stored as JSON attributes; values that these cannot hold are stored as arrays."""
     arrays = {name: coordinate((), np.array(value)) for name, value in SCALARS.items()}
     attrs = {"whole": SCALARS["whole"], "text": "another"}
@@ -100,7 +100,7 @@ CONSTANT = {
 }
 
 
-def test_equal_values_need_no_chunk(tmp_path):
+def test_constant_arrays_have_no_chunks(tmp_path):
     """If all values are equal, they are the fill value; an array with another value has chunks."""
     path = tmp_path / "s.zarr"
     for last in (False, True):
@@ -164,7 +164,7 @@ UNFIT = {
 
 
 @pytest.mark.parametrize("dtype", UNFIT)
-def test_values_that_do_not_fit_are_refused(tmp_path, dtype):
+def test_values_that_do_not_match_the_dtype_are_refused(tmp_path, dtype):
     refused = Array(DIMS, SHAPE, np.dtype(dtype), {}, lambda region: UNFIT[dtype], SHAPE)
     with pytest.raises(TypeError):
         write_store(tmp_path / "s.zarr", {"g": ArrayGroup({"x": refused})}, {})
@@ -174,7 +174,7 @@ def test_values_that_do_not_fit_are_refused(tmp_path, dtype):
 # damage -------------------------------------------------------------------------------------------
 
 
-def test_each_file_that_is_missing_extra_or_of_another_size_is_noticed(tmp_path):
+def test_missing_extra_or_resized_files_are_detected(tmp_path):
     path = tmp_path / "s.zarr"
     write_store(path, {"g": ArrayGroup({"x": array(np.arange(3, dtype="i2"), chunks=(2,))})}, {})
     for name, content in files(path).items():
@@ -197,7 +197,7 @@ def test_each_file_that_is_missing_extra_or_of_another_size_is_noticed(tmp_path)
     assert verify(path) == ["g/x/c.7"]
 
 
-def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
+def test_changed_chunk_bytes_never_yield_wrong_values(tmp_path):
     """The chunk's checksum reveals the change; a reserved bit may leave the values unchanged."""
     path = tmp_path / "s.zarr"
     values = np.random.default_rng(1).integers(0, 2**15, 40).astype("i2")
@@ -216,7 +216,7 @@ def test_every_reader_notices_each_changed_byte_of_a_chunk(tmp_path):
     assert noticed > 0.9 * len(content)
 
 
-def test_too_many_open_files_are_no_damage(tmp_path, monkeypatch):
+def test_too_many_open_files_is_not_reported_as_damage(tmp_path, monkeypatch):
     path = tmp_path / "s.zarr"
     write_store(path, {"g": ArrayGroup({"x": array(COUNTS)})}, {})
 
@@ -233,7 +233,7 @@ FOREIGN = [b"", b"{}", b"[" * 10**5, b"\xff", seal(None), seal([]), seal({"a": N
 
 
 @pytest.mark.parametrize("content", FOREIGN)
-def test_a_foreign_manifest_is_one_sentence(tmp_path, content):
+def test_invalid_manifest_is_refused_in_one_line(tmp_path, content):
     path = tmp_path / "s.zarr"
     assert read_attributes(path) is None
     path.mkdir()
@@ -257,7 +257,7 @@ class Failing(InlineExecutor):
         return answers
 
 
-def test_nothing_is_written_after_a_roll_back(tmp_path):
+def test_nothing_is_written_after_a_rollback(tmp_path):
     """A write that fails waits for running tasks before it undoes its changes."""
     values, writers = np.arange(1.0, 9.0), Failing()
 

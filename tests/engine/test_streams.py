@@ -96,7 +96,7 @@ DRAWING = {"noisy", "trace", "answers"}  # stages that take `rng`, or results of
 @pytest.mark.parametrize(
     ("version", "all_keys"), [("STREAM_VERSION", True), ("np.__version__", False)]
 )
-def test_a_version_of_streams_changes_the_keys_of_what_may_draw(monkeypatch, version, all_keys):
+def test_rng_versions_change_keys_of_stages_that_may_draw(monkeypatch, version, all_keys):
     """STREAM_VERSION changes all keys, as any stage may call `cell_rng`; numpy's only `DRAWING`."""
 
     def keys():

@@ -51,9 +51,7 @@ def test_workers_that_are_killed_are_replaced(tmp_path, monkeypatch):
     assert opened(tmp_path / "s.zarr", "all").x.values.tolist() == [1, 2, 3]
 
 
-def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
-    tmp_path, monkeypatch
-):
+def test_suspended_worker_is_replaced_and_harmless_on_return(tmp_path, monkeypatch):
     """The worker is stopped for longer than the scheduler waits for it (5 minutes by default)."""
     monkeypatch.setitem(dask_cluster.DASK_SETTINGS, "distributed.scheduler.worker-ttl", "1s")
     monkeypatch.setattr(dask_cluster, "CHECK_INTERVAL", 0.1)
@@ -71,9 +69,7 @@ def test_a_worker_that_is_cut_off_is_replaced_and_does_no_harm_when_it_is_back(
     assert files(tmp_path / "s.zarr") == files(tmp_path / "t.zarr")
 
 
-def test_a_scheduler_that_is_killed_is_a_sentence_and_the_next_run_resumes(
-    tmp_path, monkeypatch, capsys
-):
+def test_killed_scheduler_is_reported_and_the_next_run_resumes(tmp_path, monkeypatch, capsys):
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
     monkeypatch.setattr(progress, "LINE_INTERVAL", 3600)
     with cluster_at(tmp_path / "scheduler") as (choice, (scheduler, *_)):
@@ -112,7 +108,7 @@ sys.exit(Command(SPRINGS).main("cluster.workers=2 cache=c store=s.zarr measured.
 """
 
 
-def test_a_terminal_that_closes_ends_a_sweep_in_a_sentence(tmp_path):
+def test_closing_the_terminal_stops_the_sweep_cleanly(tmp_path):
     """SIGHUP goes to the whole process group: the command, its workers and the fork server."""
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": IMPORTS}}
     options |= {"stderr": subprocess.PIPE, "text": True, "start_new_session": True}
@@ -133,7 +129,7 @@ if __name__ == "__main__":
 """
 
 
-def test_a_driver_that_is_killed_ends_its_workers_and_the_next_run_resumes(tmp_path):
+def test_killed_driver_ends_its_workers_and_is_resumable(tmp_path):
     (tmp_path / "driver.py").write_text(DRIVER)
     options = {"cwd": tmp_path, "env": os.environ | {"PYTHONPATH": IMPORTS}}
     store, cache = tmp_path / "s.zarr", tmp_path / "cache"
@@ -182,7 +178,7 @@ def disk(folder, size):
 
 
 @pytest.mark.parametrize(("full", "kind"), [("store", "inline"), ("cache", "local")])
-def test_a_full_disk_is_a_sentence_and_no_loss(full, kind, tmp_path, monkeypatch, capsys):
+def test_full_disk_is_reported_and_loses_no_results(full, kind, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     arguments = [f"cluster={kind}", "store=s.zarr", "cache=cache", f"{full}=disk/here"]
     with disk(tmp_path / "disk", "24k") as enlarge:
@@ -211,13 +207,13 @@ def greedy(size):
     return np.ones(2**50 if size == 2 else 1).sum()
 
 
-def test_a_cell_without_memory_fails_alone(tmp_path):
+def test_memory_error_fails_only_its_cell(tmp_path):
     [(name, why)] = run_few([greedy], tmp_path / "s.zarr").failures
     assert name == "greedy size=2" and why.startswith("MemoryError: Unable to allocate 8.00 PiB")
     assert opened(tmp_path / "s.zarr", "all").x.isnull().values.tolist() == [False, True, False]
 
 
-def test_a_command_without_memory_is_a_sentence(monkeypatch, tmp_path, capsys):
+def test_driver_memory_error_is_reported_in_one_line(monkeypatch, tmp_path, capsys):
     def full(*arguments, **keywords):
         raise MemoryError("Unable to allocate 64.0 GiB")
 
@@ -233,7 +229,7 @@ def test_a_command_without_memory_is_a_sentence(monkeypatch, tmp_path, capsys):
 # -- clocks
 
 
-def test_a_clock_that_jumps_changes_nothing(tmp_path, monkeypatch):
+def test_clock_jumps_do_not_affect_the_store(tmp_path, monkeypatch):
     """Whoever asks this process for the time finds it three days later, or as much earlier."""
     now, later = time.time(), cycle([False, True])
     monkeypatch.setattr(time, "time", lambda: now + 3 * DAY * next(later))

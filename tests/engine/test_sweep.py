@@ -38,7 +38,7 @@ def plain_period(stiffness, mass):
     return 2 * math.pi / round(math.sqrt(stiffness / mass), 12)
 
 
-def test_every_number_is_that_of_a_plain_computation(store):
+def test_results_equal_a_plain_computation(store):
     springs, answers = opened(store, "springs"), opened(store, "answers")
     for mass, length, draw in product(MASS, LENGTH, DRAW):
         noisy = []
@@ -108,7 +108,7 @@ def test_local_workers_make_the_same_store(store, tmp_path):
     assert files(tmp_path / "s.zarr") == files(store)
 
 
-def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeypatch):
+def test_small_sweeps_of_known_code_start_no_workers(tmp_path, monkeypatch):
     """This holds for code of packages only: a script's function could end the command's process."""
     started = []
 
@@ -124,7 +124,7 @@ def test_little_work_of_code_that_ran_before_starts_no_workers(tmp_path, monkeyp
     assert started == ["local", "inline", "local", "local", "local"]
 
 
-def test_what_was_measured_is_kept_and_says_so(tmp_path):
+def test_measured_outputs_are_kept_and_marked(tmp_path):
     run_few([timed], tmp_path / "a.zarr", tmp_path / "cache")
     first = opened(tmp_path / "a.zarr", "timed")
     assert first.took.attrs["comment"].startswith("measured while the cell was computed")
@@ -140,13 +140,13 @@ def flat(size):
     return 0.0
 
 
-def test_arrays_that_do_not_fit_their_declaration_are_named(tmp_path):
+def test_arrays_with_the_wrong_number_of_dimensions_fail(tmp_path):
     finished = run_few([flat], tmp_path / "s.zarr")
     reason = "flat returned an array of shape () as flat, but must return one of 1 dimensions"
     assert all(reason in why for _, why in finished.failures) and len(finished.failures) == 3
 
 
-def test_functions_of_one_name_share_results_only_if_they_are_the_same(tmp_path):
+def test_functions_of_equal_name_share_results_only_if_identical(tmp_path):
     def power(exponent):
         return lambda size: float(size) ** exponent
 
@@ -200,7 +200,7 @@ def checked(declared):
     return check_pure(experiment, choices, max_cells=10)[declared.name]
 
 
-def test_cells_that_differ_or_fail_are_named():
+def test_check_pure_reports_differing_and_failing_cells():
     message = r"^counting size=3 differs when computed again, alone: x\[1\] is 1.0, and then 2.0$"
     with pytest.raises(AssertionError, match=message):
         checked(counting)
@@ -208,11 +208,11 @@ def test_cells_that_differ_or_fail_are_named():
         checked(failing)
 
 
-def test_a_cell_that_depends_on_others_computed_with_it_is_named():
+def test_check_pure_reports_cells_that_depend_on_their_batch():
     message = r"^in_company size=2 differs when computed again, alone: x is -0.5, and then 0.0$"
     with pytest.raises(AssertionError, match=message):
         checked(in_company)
 
 
-def test_measured_outputs_may_differ():
+def test_check_pure_ignores_measured_outputs():
     assert checked(timed) == 4

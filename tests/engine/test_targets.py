@@ -84,7 +84,7 @@ def test_a_foreign_folder_is_never_touched(tmp_path, appears):
     assert os.listdir(tmp_path) == ["s.zarr"]
 
 
-def test_stores_caches_and_reports_are_apart(tmp_path):
+def test_overlapping_store_cache_and_report_paths_are_refused(tmp_path):
     def apart(*names, cache="cache"):
         def beside(store):
             return [store.with_name(f"{store.name.removesuffix('.zarr')}-tables")]
@@ -104,7 +104,7 @@ def test_stores_caches_and_reports_are_apart(tmp_path):
 
 
 @pytest.mark.parametrize("mask", [0, 0o077])
-def test_others_never_write_a_store(tmp_path, mask, umask, monkeypatch):
+def test_stores_are_not_writable_by_others(tmp_path, mask, umask, monkeypatch):
     umask(mask)
     masks = []  # set for the whole process, so that other threads use them too
     monkeypatch.setattr(os, "umask", lambda new: masks.append(new) or umask(new))
@@ -116,7 +116,7 @@ def test_others_never_write_a_store(tmp_path, mask, umask, monkeypatch):
     assert len({(path.is_dir(), path.stat().st_mode) for path in paths}) == 2
 
 
-def test_a_store_behind_a_link_is_locked_and_replaced_where_it_is(tmp_path):
+def test_symlinked_store_is_locked_and_replaced_at_its_target(tmp_path):
     path, link = tmp_path / "s.zarr", tmp_path / "link.zarr"
     link.symlink_to(path)
     write_store(path, small(1), {})
@@ -130,7 +130,7 @@ def test_a_store_behind_a_link_is_locked_and_replaced_where_it_is(tmp_path):
 # objects of folders and buckets -------------------------------------------------------------------
 
 
-def test_objects_of_either_kind_behave_alike(place):
+def test_folder_and_bucket_objects_behave_alike(place):
     there = Objects(below(place, "new"), create=True)
     assert there.sizes() == {}
     assert there.get("a/b") is None
@@ -156,7 +156,7 @@ URLS = [
 
 
 @pytest.mark.parametrize("url", URLS)
-def test_other_urls_are_refused_without_their_secrets(url):
+def test_invalid_urls_are_refused_without_revealing_secrets(url):
     sentence = r"^store is [^\n]* but must be [^\n]*$"
     with pytest.raises(ConfigurationError, match=sentence) as refused:
         path_or_url("store", url)
@@ -165,7 +165,7 @@ def test_other_urls_are_refused_without_their_secrets(url):
     assert path_or_url("store", "a/b") == Path("a/b")
 
 
-def test_absent_buckets_and_refused_keys_are_failures(bucket, monkeypatch):
+def test_missing_buckets_and_unreachable_endpoints_raise(bucket, monkeypatch):
     there = Objects("s3://nobucket/x")
     with pytest.raises(OSError, match="404"):
         there.sizes()
@@ -182,7 +182,7 @@ def test_absent_buckets_and_refused_keys_are_failures(bucket, monkeypatch):
         assert SECRET not in str(failed.value)
 
 
-def test_errors_of_a_disk_keep_their_number(tmp_path):
+def test_disk_errors_keep_their_errno(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match=os.strerror(errno.ENOTDIR)) as failed:
         Objects(tmp_path).put("file/x", b"")

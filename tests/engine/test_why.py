@@ -23,7 +23,7 @@ def store(tmp_path, monkeypatch):
     return tmp_path / "s.zarr"
 
 
-def test_what_differs_is_named_by_stage(store):
+def test_differences_are_listed_by_stage(store):
     old, plan = read_attributes(store), Plan(SPRINGS, read_choices(SPRINGS.declared, {}))
     assert not dict(differences(plan, old))
     more = Plan(SPRINGS, read_choices(SPRINGS.declared, {"spring.mass": [1, 2, 3]}))
@@ -43,7 +43,7 @@ def test_what_differs_is_named_by_stage(store):
         check_extends(SPRINGS, "s.zarr", then, plan)
 
 
-def test_the_command_prints_what_differs(store, capsys):
+def test_why_option_prints_differences(store, capsys):
     main = Command(SPRINGS).main
     assert main(["--why", "store=s.zarr"]) == 0
     assert capsys.readouterr().out == "nothing differs: the store has all of the sweep\n"
@@ -56,7 +56,7 @@ def square(size):
     return size**2
 
 
-def test_debug_says_why_cells_are_computed_reused_written_and_batched(tmp_path, caplog):
+def test_debug_log_explains_reuse_writing_and_batching(tmp_path, caplog):
     def messages(sizes):
         caplog.clear()
         with caplog.at_level(logging.DEBUG, "sweeps"):

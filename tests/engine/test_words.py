@@ -37,7 +37,7 @@ PATHS = ["größe.stl", "hull(1)=3.stl", "a;b & c", "a\"b'c", "ü\\'", WIDE]
 
 
 @pytest.mark.parametrize("path", PATHS)
-def test_a_path_that_hydra_cannot_read_is_quoted(path):
+def test_error_advises_quoting_paths_hydra_cannot_parse(path):
     sentence = refused(f"store={path}", "seed=1")
     assert sentence.startswith(f"store={path} cannot be read: quote it, ")
     [job] = read_jobs(SPRINGS, [advised(sentence), "seed=1"], several=False)
@@ -46,7 +46,7 @@ def test_a_path_that_hydra_cannot_read_is_quoted(path):
 
 @settings(max_examples=12, deadline=None)
 @given(st.text("aß1.()=;&$!`'\"\\ ~#*?<>|%@:/-+", min_size=1))
-def test_any_text_is_read_or_quoted(text):
+def test_any_text_is_parsed_or_quoting_is_advised(text):
     try:
         [job] = read_jobs(SPRINGS, [f"cluster.queue={text}"], several=False)
     except ConfigurationError as error:
@@ -58,7 +58,7 @@ def test_any_text_is_read_or_quoted(text):
         assert job.choices.values["cluster.queue"] == (text,)
 
 
-def test_a_word_that_the_shell_has_split_is_put_together():
+def test_error_rejoins_words_split_by_the_shell():
     word = advised(refused("spring.mass=[1,", "2]", "seed=1"))
     [job] = read_jobs(SPRINGS, [word], several=False)
     assert job.choices.values["spring.mass"] == (1, 2)
@@ -83,11 +83,11 @@ CAUSES = {
 
 
 @pytest.mark.parametrize("word", CAUSES)
-def test_each_word_has_its_own_cause(word):
+def test_unparsable_values_get_specific_advice(word):
     assert CAUSES[word] in refused(word, "seed=1")
 
 
-def test_a_setting_is_no_option(capsys):
+def test_settings_given_as_options_are_refused(capsys):
     for word, advised in {"--spring.mass=3": "spring.mass=3", "--dry-run": "dry_run=VALUE"}.items():
         assert Command(SPRINGS).main([word]) == 2
         sentence = f"springs: {word} is not an option; give it without dashes, {advised}\n"

@@ -7,7 +7,7 @@ import numpy as np
 from ncti.evaluate import category_formation
 
 
-def test_a_category_is_confused_where_another_ship_shares_it():
+def test_category_shared_by_two_ships_is_confused():
     formation = category_formation(
         labels=[0, 0, 2, 1, 2, 2],
         ships=["horne", "horne", "horne", "duncan", "duncan", "duncan"],

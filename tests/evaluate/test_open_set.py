@@ -7,14 +7,14 @@ from sklearn.metrics import roc_auc_score
 from ncti.evaluate import open_set_scores
 
 
-def test_equal_similarities_are_chance():
+def test_equal_similarities_score_at_chance_level():
     known, right = np.arange(90) < 60, np.arange(90) < 45
     scores = open_set_scores(np.full(90, 0.7), right, known)
     assert (scores.auroc, scores.oscr) == (0.5, 45 / 60 / 2)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_auroc_is_that_of_scikit_learn_and_oscr_the_area_under_a_curve(seed):
+def test_auroc_matches_scikit_learn_and_oscr_curve_area(seed):
     """Answers include ties; the expected curve has a point for each threshold."""
     rng = np.random.default_rng(seed)
     similarity = rng.integers(0, 30, (5, 40)) / 30
@@ -30,6 +30,6 @@ def test_auroc_is_that_of_scikit_learn_and_oscr_the_area_under_a_curve(seed):
 
 
 @pytest.mark.parametrize("known", [[True, True], [False, False], []])
-def test_nothing_to_tell_apart_is_nan(known):
+def test_scores_are_nan_without_known_and_unknown(known):
     scores = open_set_scores(np.ones(len(known)), np.ones(len(known), bool), np.array(known, bool))
     assert np.isnan([scores.auroc, scores.oscr]).all()

@@ -50,7 +50,7 @@ def test_fractions_are_counted_by_hand():
     np.testing.assert_allclose(row.rejected_unknown, [0, 1, 1])
 
 
-def test_the_characteristic_is_counted_by_hand():
+def test_operating_characteristic_matches_counts_by_hand():
     """Test eight answers each to known and unknown ships, with ties between and among them."""
     learned = np.array([[True] * 4] * 2 + [[False] * 4] * 2)
     similarity = np.array(
@@ -98,7 +98,7 @@ def answers_of(*draws, seed=0):
 
 
 @pytest.mark.parametrize("draws", [("replicate",), ("phase", "order"), ("replicate", "order")])
-def test_draws_count_as_they_differ(draws):
+def test_accepting_all_answers_equals_replicated_accuracy(draws):
     """If all answers are accepted, fractions equal `replicated_accuracy`, with a failed draw."""
     answers = answers_of(*draws)
     failed = (0,) * len(draws)
@@ -131,13 +131,13 @@ def many(aspects):
     return classified, learned
 
 
-def test_levels_some_at_a_time_are_as_all_together(monkeypatch):
+def test_chunked_levels_equal_a_single_pass(monkeypatch):
     together = tabulate(*many(20), np.linspace(0, 1, 11))
     monkeypatch.setattr(rejection, "AT_ONCE", 500)
     xr.testing.assert_identical(tabulate(*many(20), np.linspace(0, 1, 11)), together)
 
 
-def test_memory_of_rejections_does_not_grow_with_their_levels(monkeypatch):
+def test_rejection_memory_does_not_grow_with_levels(monkeypatch):
     monkeypatch.setattr(rejection, "AT_ONCE", 2**17)
 
     def peak(levels):

@@ -13,7 +13,7 @@ ASPECTS = np.arange(0.0, 91.0, 3.0)
 
 
 @given(arrays(bool, (4, 31)), arrays(bool, (4, 31)))
-def test_one_replicate_is_no_replicate(correct, answered):
+def test_single_replicate_equals_accuracy_by_aspect(correct, answered):
     single = evaluate.replicated_accuracy(correct[None], ASPECTS, answered=answered)
     plain = evaluate.accuracy_by_aspect(correct, ASPECTS, answered=answered)
     assert single.labels == plain.labels
@@ -24,7 +24,7 @@ def test_one_replicate_is_no_replicate(correct, answered):
 
 
 @given(arrays(bool, (4, 31)), st.integers(2, 6))
-def test_equal_answers_are_worth_one(correct, replicates):
+def test_identical_replicates_count_as_one(correct, replicates):
     """Identical replicates count as one answer per view."""
     repeated = evaluate.replicated_accuracy(np.repeat(correct[None], replicates, axis=0), ASPECTS)
     plain = evaluate.accuracy_by_aspect(correct, ASPECTS)
@@ -83,7 +83,7 @@ def worth_by_hand(groups):
 @pytest.mark.parametrize("draws", [(2,), (3,), (7,), (3, 4)])
 @pytest.mark.parametrize("concentration", [0.2, 2.0, 1e9])
 @pytest.mark.parametrize("effect", [0.0, 0.2])
-def test_intervals_are_those_of_an_analysis_of_variance_by_hand(draws, concentration, effect):
+def test_intervals_match_analysis_of_variance_by_hand(draws, concentration, effect):
     """Cases have missing views and a draw that failed as a whole."""
     rng = np.random.default_rng(draws[0])
     chance = rng.beta(concentration * 0.7, concentration * 0.3, (4, 31))
@@ -143,7 +143,7 @@ def test_intervals_cover_the_truth(truth, concentration):
         assert independent < 0.85
 
 
-def test_no_answers_say_nothing():
+def test_no_answers_give_nan_and_full_interval():
     score = evaluate.replicated_accuracy(np.zeros((3, 4, 31), bool), ASPECTS, answered=False)
     assert np.isnan(score.fraction).all()
     np.testing.assert_array_equal(score.n, 0)
@@ -152,7 +152,7 @@ def test_no_answers_say_nothing():
 
 
 @given(arrays(bool, (3, 4, 31)), arrays(bool, (3, 4, 31)))
-def test_differences_change_sign_with_the_order_and_hold_within_their_ends(first, second):
+def test_paired_differences_are_antisymmetric_and_bounded(first, second):
     forward = evaluate.paired_difference(first, second, ASPECTS)
     backward = evaluate.paired_difference(second, first, ASPECTS)
     np.testing.assert_allclose(forward.fraction, -backward.fraction)
@@ -167,7 +167,7 @@ def test_differences_change_sign_with_the_order_and_hold_within_their_ends(first
 
 @pytest.mark.parametrize("confidence", [0.95, 0.999])
 @pytest.mark.parametrize(("draws", "alike"), [(1, 0.0), (1, 0.9), (4, 0.7)])
-def test_intervals_of_paired_differences_cover(draws, alike, confidence):
+def test_paired_difference_intervals_have_nominal_coverage(draws, alike, confidence):
     """Test 2,000 experiments of 40 views with partly equal draws at level 1e-4.
 
     The second classifier is right in a fifth of the draws in which the first one is wrong.
@@ -202,7 +202,7 @@ def test_intervals_of_classifiers_that_agree_are_narrower():
     at_once=st.integers(1, 2000),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_cells_some_at_a_time_are_as_all_together(shape, draws, at_once, seed):
+def test_chunked_cells_equal_a_single_pass(shape, draws, at_once, seed):
     rng = np.random.default_rng(seed)
     correct = rng.random((*shape, *draws, 3, 13)) < rng.random()
     answered = rng.random((*draws, 3, 13)) < 0.9

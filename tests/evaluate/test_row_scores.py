@@ -24,7 +24,7 @@ def rng():
     return np.random.default_rng(7)
 
 
-def test_rows_of_views_of_their_own_have_the_intervals_of_independent_answers():
+def test_one_row_per_view_gives_independent_intervals():
     aspects = np.arange(0.0, 91.0, 3.0)
     correct = rng().random((1, 31)) < 0.7
     plain = accuracy_by_aspect(correct, aspects)
@@ -34,7 +34,7 @@ def test_rows_of_views_of_their_own_have_the_intervals_of_independent_answers():
         np.testing.assert_allclose(getattr(rows, name), getattr(plain, name), rtol=1e-12)
 
 
-def test_rows_that_are_alike_within_views_count_as_their_views():
+def test_identical_rows_of_a_view_count_once():
     view = np.repeat(np.arange(40), 6)
     accuracy = grouped_accuracy(view % 4 > 0, np.full(240, 50.0), view)
     low, high = wilson_interval(30, 40)
@@ -52,7 +52,7 @@ def test_the_order_of_rows_and_the_names_of_views_do_not_matter():
     np.testing.assert_allclose(ordered.ci_low, mixed.ci_low, rtol=1e-12)
 
 
-def test_intervals_cover_the_share_of_correlated_rows():
+def test_intervals_cover_accuracy_of_correlated_rows():
     """If intervals cover 95 %, fewer than 92 % of 400 cover with probability 0.004."""
     generator, covered = rng(), 0
     view = np.repeat(np.arange(60), 8)
@@ -74,7 +74,7 @@ def answers(generator, rows=2000, classes=3):
 WHERE = {"aspect": np.zeros(2000), "groups": np.arange(2000), "classes": [0, 1, 2]}
 
 
-def test_stated_probabilities_that_are_true_are_calibrated_and_sharpened_ones_are_not():
+def test_sharpening_true_probabilities_breaks_calibration():
     truth, likely = answers(rng())
     scores = score(truth, likely, **WHERE)
     # Every bin's share of right answers is within 4 standard deviations of its confidence.
@@ -100,7 +100,7 @@ def test_the_order_of_the_columns_does_not_matter(order):
     np.testing.assert_array_equal(ordered.confusion, mixed.confusion)
 
 
-def test_open_set_scores_are_those_of_scikit_learn_and_of_counting():
+def test_open_set_scores_match_scikit_learn_and_counts():
     truth, likely = answers(rng())
     known = truth < 2
     pair = likely[:, :2] / likely[:, :2].sum(axis=1, keepdims=True)
@@ -114,7 +114,7 @@ def test_open_set_scores_are_those_of_scikit_learn_and_of_counting():
     assert scores.confusion.sum() == known.sum() == scores.accuracy.n[-1]
 
 
-def test_decision_values_name_classes_without_probabilities():
+def test_decision_values_give_classes_but_no_probabilities():
     truth, likely = answers(rng())
     scores = score(truth, np.log(likely), **WHERE)
     assert scores.reliability is None
@@ -125,7 +125,7 @@ def test_decision_values_name_classes_without_probabilities():
     assert scores.confusion[0, 1] == np.sum((truth == 0) & (named == 1))
 
 
-def test_a_comparison_of_independent_rows_is_mcnemars():
+def test_compare_equals_mcnemar_test_for_independent_rows():
     first, second = rng().random((2, 500)) < [[0.6], [0.7]]
     outcome = compare(first, second, np.arange(500), rng=rng())
     b, c = outcome.first_only, outcome.second_only
@@ -139,7 +139,7 @@ def test_a_comparison_of_independent_rows_is_mcnemars():
     assert opposite.p_value == outcome.p_value
 
 
-def test_equal_classifiers_are_told_apart_as_often_as_the_level_says():
+def test_compare_rejects_equal_classifiers_at_nominal_rate():
     """5 % of 400 equal pairs differ significantly; more than 8 % have probability 0.005."""
     generator = rng()
     view = np.repeat(np.arange(80), 5)
@@ -153,7 +153,7 @@ def test_equal_classifiers_are_told_apart_as_often_as_the_level_says():
     assert max(refused, outside) <= 32
 
 
-def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
+def test_learning_curve_subsets_are_nested():
     subsets = []
 
     class Watched(KNeighborsClassifier):
@@ -178,7 +178,7 @@ def test_larger_subsets_of_a_learning_curve_hold_the_smaller_ones():
         ({"y": ["texas", "horne"]}, ("similarity", "None")),
     ],
 )
-def test_arguments_that_others_need_are_asked_for(wrong, words):
+def test_missing_dependent_arguments_are_refused(wrong, words):
     good = {"y": ["texas", "duncan"], "predicted": ["texas", "texas"], "aspect": [0.0, 1.0]}
     good |= {"groups": [0, 1], "classes": ["texas", "duncan"]}
     with pytest.raises(ValueError, match=".*".join(map(re.escape, words))):

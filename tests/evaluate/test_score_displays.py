@@ -11,7 +11,7 @@ ASPECTS = [0, 3, 40, 80]
 RIGHT = np.array([[True, True, False, False], [True, False, False, True]])
 
 
-def test_accuracies_are_tables_by_bin_with_their_intervals():
+def test_accuracy_exports_tables_with_intervals():
     accuracy = accuracy_by_aspect(RIGHT, ASPECTS)
     table = accuracy.to_xarray()
     assert table.fraction.dims == ("aspect_bin",)
@@ -26,7 +26,7 @@ def test_accuracies_are_tables_by_bin_with_their_intervals():
     assert "nan" not in unanswered._repr_html_().lower()
 
 
-def test_leading_axes_stay_axes_and_are_not_drawn():
+def test_leading_axes_are_exported_but_not_plotted():
     stacked = accuracy_by_aspect(np.stack([RIGHT, ~RIGHT]), ASPECTS)
     assert stacked.to_xarray().sizes == {"dim_0": 2, "aspect_bin": 4}
     assert len(stacked.to_pandas()) == 8
@@ -34,7 +34,7 @@ def test_leading_axes_stay_axes_and_are_not_drawn():
         stacked.plot()
 
 
-def test_scores_are_a_confusion_and_its_picture():
+def test_scores_export_and_plot_the_confusion_matrix():
     mpl.use("Agg")
     truth, answers = ["duncan", "duncan", "texas"], ["duncan", "texas", "texas"]
     scores = score(truth, answers, aspect=[0, 40, 80], groups=[0, 1, 2])
@@ -48,7 +48,7 @@ def test_scores_are_a_confusion_and_its_picture():
     mpl.pyplot.close("all")
 
 
-def test_differences_of_two_classifiers_are_labelled_so():
+def test_paired_difference_is_labelled_as_difference():
     first, second = np.ones((2, 1, 1, 20), dtype=bool)
     second = second & (np.arange(20) < 5)
     difference = paired_difference(first, second, np.full(20, 45.0), confidence=0.9)

@@ -15,7 +15,7 @@ GRID = np.arange(0.0, 91.0, 3.0)
 @given(
     trials=st.integers(1, 10_000), fraction=st.floats(0.0, 1.0), confidence=st.floats(0.01, 0.999)
 )
-def test_wilson_interval_is_scipys(trials, fraction, confidence):
+def test_wilson_interval_matches_scipy(trials, fraction, confidence):
     successes = round(fraction * trials)
     theirs = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
     low, high = wilson_interval(successes, trials, confidence=confidence)
@@ -24,7 +24,7 @@ def test_wilson_interval_is_scipys(trials, fraction, confidence):
     assert wilson_interval(8, 10) == wilson_interval(8, 10, confidence=0.95)
 
 
-def test_bins_beyond_the_beam_mirror_those_ahead():
+def test_aspect_bins_mirror_across_the_beam():
     labels, index = aspect_bins(np.arange(0.0, 361.0, 3.0))
     assert labels[:6] == ("0-27", "30-57", "60-90", "93-120", "123-150", "153-180")
     assert labels[6:] == ("183-210", "213-240", "243-270", "273-300", "303-330", "333-360")
@@ -43,17 +43,17 @@ def test_an_aspects_bin_does_not_depend_on_the_others(aspects, data):
     assert np.all(np.diff(index[order]) >= 0)
 
 
-def test_bins_of_aspects_that_round_alike_have_names_of_their_own():
+def test_bin_labels_stay_unique_when_aspects_round_alike():
     assert aspect_bins([29.96, 30.02])[0] == ("29.96", "30.02")
     assert aspect_bins([0.0, 29.96, 30.04, 60.0])[0] == ("0-30", "30", "60")
 
 
-def test_an_edge_missed_by_rounding_is_the_edge():
+def test_aspect_bins_tolerate_rounding_at_edges():
     just_below, just_above = np.nextafter(30.0, 0.0), np.nextafter(90.0, 91.0)
     np.testing.assert_array_equal(aspect_bins([0.0, just_below, just_above])[1], [0, 1, 2])
 
 
-def test_what_has_no_answer_is_not_counted():
+def test_unanswered_views_are_not_counted():
     rng = np.random.default_rng(0)
     correct, answered = rng.random((2, 3, 4, 31)) < 0.6
     answered[1, :, :10] = False

@@ -34,7 +34,7 @@ def views(draw):
 @settings(max_examples=40, deadline=None)
 @given(view=views(), layout=layouts)
 @pytest.mark.parametrize("method", SEGMENTATION_METHODS)
-def test_images_are_segmented_one_by_one(method, view, layout):
+def test_segmenting_a_stack_equals_single_images(method, view, layout):
     stack, known = view
     together = segment(layout(stack), method=method, **known)
     for place, image in enumerate(stack):
@@ -58,7 +58,7 @@ shares = arrays(float, shapes, elements=st.sampled_from([0.0, 0.0, 1 / 3, 1 / 7,
 @settings(max_examples=40, deadline=None)
 @given(stack=arrays(bool, shapes) | shares, layout=layouts, parameters=cells)
 @pytest.mark.parametrize("interpolation", INTERPOLATIONS)
-def test_masks_are_mapped_one_by_one(interpolation, stack, layout, parameters):
+def test_mapping_a_stack_equals_single_masks(interpolation, stack, layout, parameters):
     together = log_polar(layout(stack), interpolation=interpolation, **parameters)
     for place, mask in enumerate(stack):
         single = log_polar(mask.copy(), interpolation=interpolation, **parameters)

@@ -9,7 +9,7 @@ from ncti.features import ship_distance, sister
 ASPECTS = [30.0, 150.0]
 
 
-def test_is_nought_for_a_ship_and_itself_and_symmetric() -> None:
+def test_distance_is_symmetric_and_zero_to_itself() -> None:
     first, second = map(ncti.ships.load, ("connole", "horne"))
     assert ship_distance(first, first, aspects=ASPECTS) == pytest.approx(0, abs=1e-12)
     distance = ship_distance(first, second, aspects=ASPECTS)
@@ -17,7 +17,7 @@ def test_is_nought_for_a_ship_and_itself_and_symmetric() -> None:
     assert 0.02 < distance < 0.5
 
 
-def test_sister_is_at_its_distance_and_named() -> None:
+def test_sister_has_requested_distance_and_loadable_name() -> None:
     near = sister("connole", 0.004, aspects=ASPECTS, number=2)
     ship = ncti.ships.load("connole")
     assert ship_distance(ship, near, aspects=ASPECTS) == pytest.approx(0.004, rel=0.05)
@@ -35,6 +35,6 @@ def test_sister_is_at_its_distance_and_named() -> None:
         ({"name": "connole@0.1"}, "connole"),
     ],
 )
-def test_wrong_arguments_are_refused(change, message) -> None:
+def test_invalid_arguments_are_refused(change, message) -> None:
     with pytest.raises(ValueError, match=message):
         sister(**({"name": "connole", "distance": 0.01, "aspects": [30.0]} | change))

@@ -80,7 +80,7 @@ parts = st.floats(0, 1, exclude_max=True)
     scale=st.floats(0.5, 2),
     angle=st.floats(0, 360),
 )
-def test_any_change_of_a_fine_silhouette_leaves_0_97(name, aspect, shift, scale, angle):
+def test_maps_of_transformed_silhouettes_are_97_percent_similar(name, aspect, shift, scale, angle):
     before = log_polar(seen(name, aspect))
     after = log_polar(seen(name, aspect, Change(shift, scale, angle)))
     similarity, _ = cyclic_similarity(after, before)
@@ -93,7 +93,7 @@ def test_any_change_of_a_fine_silhouette_leaves_0_97(name, aspect, shift, scale,
 
 
 @given(masks, st.integers(0, 5), st.integers(0, 5), st.sampled_from(["bilinear", "nearest"]))
-def test_whole_pixels_of_shift_change_nothing(mask, down, right, interpolation):
+def test_whole_pixel_shifts_change_nothing(mask, down, right, interpolation):
     moved = np.pad(mask, ((down, 3), (right, 1)))
     np.testing.assert_array_equal(
         log_polar(moved, interpolation=interpolation), log_polar(mask, interpolation=interpolation)
@@ -116,7 +116,7 @@ def inside_ellipse(x, y, long, short, turn):
     return (along / long) ** 2 + (aside / short) ** 2 <= 1
 
 
-def test_error_falls_as_the_pixel():
+def test_error_is_first_order_in_pixel_size():
     # A sample is wrong only within about a pixel of the edge, and then by up to one: the mean
     # error goes as the pixel, slope 1.
     long, short, turn = 40.0, 15.0, 0.4
@@ -143,7 +143,7 @@ def test_error_falls_as_the_pixel():
     ("interpolation", "order", "oversample"),
     [("nearest", 0, 1), ("bilinear", 1, 1), ("bilinear", 1, 2), ("bilinear", 1, 3)],
 )
-def test_samples_are_those_of_scikit_image(interpolation, order, oversample, seed):
+def test_samples_match_scikit_image(interpolation, order, oversample, seed):
     # Where the inner radius is one pixel, both maps cover the same ring. `warp_polar` samples
     # the corners of cells: of a grid twice as fine, every second sample is a centre.
     mask = np.pad(blob(seed), 40)
@@ -187,7 +187,7 @@ def test_fewer_than_two_pixels_have_no_shape():
 
 @pytest.mark.parametrize("eighths", [0, 3, 64, 100, -1, -127])
 @pytest.mark.parametrize("angles", [32, 33])
-def test_a_band_limited_map_is_found_between_its_angles(angles, eighths):
+def test_fractional_rotation_of_band_limited_maps_is_exact(angles, eighths):
     turn = 2 * np.pi * np.arange(angles)[:, None] / angles
     radii = np.arange(1, 5)
 
@@ -200,14 +200,14 @@ def test_a_band_limited_map_is_found_between_its_angles(angles, eighths):
     assert rotation == pytest.approx(angle, abs=1e-9)
 
 
-def test_a_map_is_itself_and_zero_is_like_nothing():
+def test_self_similarity_is_one_and_zero_for_empty_maps():
     full, empty = log_polar(blob()), np.zeros((64, 32))
     assert cyclic_similarity(full, full) == (pytest.approx(1.0, abs=1e-12), 0.0)
     for pair in ((full, empty), (empty, full), (empty, empty)):
         assert cyclic_similarity(*pair) == (0.0, 0.0)
 
 
-def test_cells_of_maps_are_at_their_middles():
+def test_map_cells_are_cell_centres():
     angle, radius = map_cells()
     assert angle[:2].tolist() == [2.8125, 8.4375] and angle[-1] == 360 - angle[0]
     np.testing.assert_allclose([radius[0], radius[-1]], [0.5 / radius.size, 1 - 0.5 / radius.size])

@@ -17,7 +17,7 @@ def test_the_floor_is_the_mean_of_both_ends():
 
 
 @given(arrays(float, (3, 50), elements=values), st.floats(0.01, 100), st.floats(-1e5, 1e5))
-def test_neither_gain_nor_floor_matters(profile, gain, floor):
+def test_profile_vector_ignores_gain_and_floor(profile, gain, floor):
     plain, moved = profile_vector(profile), profile_vector(gain * profile + floor)
     assert np.isfinite(moved).all()
     # Adding a floor rounds at 2e-16 of the largest value; the peak above the floor scales that.
@@ -27,5 +27,5 @@ def test_neither_gain_nor_floor_matters(profile, gain, floor):
 
 
 @pytest.mark.parametrize("flat", [0.0, 4000.1, 1e300, 5e-324])
-def test_a_profile_without_a_peak_is_zero(flat):
+def test_flat_profile_gives_a_zero_vector(flat):
     np.testing.assert_array_equal(profile_vector(np.full(250, flat)), np.zeros(250))

@@ -75,13 +75,13 @@ def test_any_image_gives_one_region_without_holes(method, image):
 
 
 @given(arrays(bool, array_shapes(min_dims=3, max_dims=3, max_side=9)))
-def test_without_noise_a_threshold_keeps_the_largest_region(targets):
+def test_noiseless_threshold_keeps_the_largest_region(targets):
     """This needs some sea in the image, as a constant image has no region."""
     targets[:, 0, 0] = False
     np.testing.assert_array_equal(largest_region(targets), segment(targets, method="otsu"))
 
 
-def test_a_threshold_without_scikit_image_is_refused(monkeypatch):
+def test_otsu_without_scikit_image_raises_import_error(monkeypatch):
     monkeypatch.setitem(sys.modules, "skimage", None)
     with pytest.raises(ImportError, match=r"pip install 'ncti-sweep\[segmentation\]'"):
         segment(np.eye(3), method="otsu")
@@ -92,7 +92,7 @@ def test_a_threshold_without_scikit_image_is_refused(monkeypatch):
 
 
 @given(contrasts, sigmas, sigmas)
-def test_ratio_is_that_of_two_gaussians_up_to_the_vertex(contrast, target_sigma, sea_sigma):
+def test_log_ratio_matches_two_gaussians_up_to_the_vertex(contrast, target_sigma, sea_sigma):
     x = np.linspace(-3 * sea_sigma, contrast + 3 * target_sigma, 50)[None]
     known = {"contrast": contrast, "target_sigma": target_sigma, "sea_sigma": sea_sigma}
     ratio = ratio_of(x, **known)
@@ -138,7 +138,7 @@ def test_conditional_modes_equal_a_plain_loop(ratio):
 # Regions
 
 
-def test_the_likeliest_region_wins_and_not_the_largest():
+def test_likeliest_region_beats_the_largest():
     image = np.zeros((20, 40))
     image[2:8, 2:12] = 0.75  # 60 pixels, hardly above mid-level: L = 14 each
     image[12:15, 20:30] = 1.28  # 30 pixels: L = 82 each
@@ -150,7 +150,7 @@ def test_the_likeliest_region_wins_and_not_the_largest():
 
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=10)))
-def test_regions_and_holes_as_scipy_has_them(target):
+def test_regions_and_holes_match_scipy(target):
     labels, count = ndimage.label(target, structure=np.ones((3, 3)))
     sizes = [(labels == label).sum() for label in range(1, count + 1)]
     largest = labels == 1 + int(np.argmax(sizes)) if count else target

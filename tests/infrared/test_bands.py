@@ -42,7 +42,7 @@ def integrated(law, temperature, band):
 
 @pytest.mark.parametrize("band", BANDS)
 @pytest.mark.parametrize("temperature", TEMPERATURES)
-def test_radiance_and_its_slope_are_the_integrals_of_plancks_law(band, temperature):
+def test_band_radiance_and_slope_match_plancks_law(band, temperature):
     """Agree to 1e-10, as the band is a difference, at worst a thousandth of its terms."""
     for ours, law in ((band_radiance, planck), (radiance_slope, planck_slope)):
         value = ours(temperature, band=band)
@@ -50,7 +50,7 @@ def test_radiance_and_its_slope_are_the_integrals_of_plancks_law(band, temperatu
 
 
 @pytest.mark.parametrize("temperature", TEMPERATURES)
-def test_all_wavelengths_are_stefan_and_boltzmanns_law(temperature):
+def test_total_radiance_obeys_stefan_boltzmann_law(temperature):
     """Radiance beyond the band, 2 c k T / (3 lambda^3) by Rayleigh and Jeans, is negligible."""
     band = (1e-8, 0.1)
     total = constants.sigma * temperature**4 / math.pi
@@ -62,7 +62,7 @@ def test_all_wavelengths_are_stefan_and_boltzmanns_law(temperature):
     assert radiance_slope(temperature, band=band) == pytest.approx(slope, rel=1e-9)
 
 
-def test_contrast_is_the_ships_own_for_small_differences():
+def test_band_contrast_is_linear_for_small_differences():
     """For 2.16 K it is 1.2 % more at 8 to 12 um and 3.6 % at 3 to 5 um, as radiance is convex."""
     clear = {"extinction": 0.0}
     for band, bent in ((LONG_WAVE, 0.012), (MID_WAVE, 0.036)):
@@ -75,7 +75,7 @@ def test_contrast_is_the_ships_own_for_small_differences():
         assert 0 > cold > -CONTRAST_AT_ZERO
 
 
-def test_air_takes_radiance():
+def test_extinction_attenuates_band_contrast():
     """10 dB leave a tenth, for any shape; the imager's law, of SNR, has half the loss."""
     ranges = np.array([[0.0, 1e4], [2e4, 4e4]])
     contrasts = band_contrast(ranges, extinction=1e-3)

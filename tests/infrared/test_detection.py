@@ -10,7 +10,7 @@ from ncti.infrared import detection_probability, detection_threshold
 
 
 @pytest.mark.parametrize("pixels", [1, 3, 12])
-def test_a_ship_is_detected_where_any_pixel_exceeds_the_threshold_of_the_sea(pixels):
+def test_ship_is_detected_if_any_pixel_exceeds_threshold(pixels):
     threshold = stats.norm.isf(1e-2, scale=0.15)
     assert detection_threshold(false_alarm=1e-2, sigma=0.15) == pytest.approx(threshold, rel=1e-12)
     sensor = {"contrast": 0.3, "target_sigma": 0.2, "sea_sigma": 0.15, "false_alarm": 1e-2}
@@ -23,7 +23,7 @@ def test_a_ship_is_detected_where_any_pixel_exceeds_the_threshold_of_the_sea(pix
     false_alarm=st.floats(1e-300, 0.5),
     sigma=st.floats(1e-12, 1e12),
 )
-def test_without_contrast_only_false_alarms(pixels, false_alarm, sigma):
+def test_zero_contrast_gives_only_false_alarms(pixels, false_alarm, sigma):
     """The probability is 1 - (1 - pfa)^n, accurate for the smallest probabilities."""
     ours = detection_probability(
         pixels, contrast=0.0, target_sigma=sigma, sea_sigma=sigma, false_alarm=false_alarm

@@ -25,7 +25,7 @@ def images(drawer, counts, rng, **parameters):
 @settings(max_examples=30, deadline=None)
 @given(counts=st.lists(ANY_COUNT, min_size=1, max_size=6), seed=st.integers(0, 2**32 - 1))
 @pytest.mark.parametrize("drawer", DRAWERS)
-def test_an_image_does_not_depend_on_its_company(drawer, counts, seed):
+def test_image_does_not_depend_on_other_frame_counts(drawer, counts, seed):
     rng = np.random.default_rng(seed)
     together = images(drawer, counts, rng)
     for place, count in enumerate(counts):
@@ -37,7 +37,7 @@ def test_an_image_does_not_depend_on_its_company(drawer, counts, seed):
         assert other.bit_generator.seed_seq.state == rng.bit_generator.seed_seq.state
 
 
-def test_every_frame_is_one_white_normal():
+def test_frames_are_white_standard_normal():
     """Frames 1 to 70, as differences of sums, pass KS and correlation tests at 1e-3.
 
     There are 40,000 pixels. These counts cover the bridge below 16, three shells above, and the

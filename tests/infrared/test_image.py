@@ -9,7 +9,7 @@ from ncti import infrared
 
 @pytest.mark.parametrize("way", ["none", "perfect", "shifted"])
 @pytest.mark.parametrize("phase", [(0.0, 0.0), (0.3, 0.9)])
-def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
+def test_window_size_does_not_change_ship_pixels(way, phase):
     texas, frame_counts = view("texas", 60.0), (16, 4, 24)
     footprint = infrared.IFOV * 50e3 * (1.0 if way == "none" else 0.5)
     windows = [{"margin": margin} for margin in (0, 1, 2, 7, 20)]
@@ -37,7 +37,7 @@ def test_a_larger_window_changes_no_bit_on_the_ship(way, phase):
 NOISELESS = infrared.Imager(nedt=0.0, target_spread=0.0, sea_spread=0.0)
 
 
-def test_perfect_super_resolution_halves_the_range_but_not_the_sensor():
+def test_perfect_super_resolution_halves_footprint_keeps_contrast():
     """The template is that of half the range, the contrast that of the full range."""
     parameters = {"imager": NOISELESS, "frame_count": 16, "phase": (0.3, 0.6)}
     parameters["rng"] = np.random.default_rng(0)

@@ -24,7 +24,7 @@ phases = st.tuples(*[st.floats(0, 1, exclude_max=True)] * 2)
     margin=st.integers(0, 1),
     slack=st.none() | st.floats(0, 50),
 )
-def test_every_point_counts_where_it_is(points, footprint, phase, cells, margin, slack):
+def test_every_point_is_counted_in_its_cell(points, footprint, phase, cells, margin, slack):
     """The window is that of the points, or of an extent, here with points at its corners."""
     across, up = np.array(points).T
     extent = None
@@ -56,7 +56,7 @@ def test_every_point_counts_where_it_is(points, footprint, phase, cells, margin,
 @pytest.mark.parametrize(
     ("footprint", "phase", "subdivision"), [(3.75, (0.0, 0.0), 1), (7.5, (0.3, 0.8), 2)]
 )
-def test_lines_cover_pixels_as_the_outline_does(footprint, phase, subdivision):
+def test_line_coverage_matches_clipped_outlines(footprint, phase, subdivision):
     """0.25 m lines agree with polygons clipped at pixel borders to rms 0.1 % of a pixel."""
     hull, axes = ncti.ships.load("connole"), View(31.0, 3.84, roll=0.0).axes
     corners = (np.asarray(hull.vertices) @ axes.T)[np.asarray(hull.faces)]

@@ -32,7 +32,7 @@ def expected_square_error(fine, coarse, way, *, warmth, noise):
     return np.mean(blur.astype(float) ** 2) + variance / warmth**2
 
 
-def test_table_of_errors():
+def test_documented_error_table_is_reproduced():
     """The table in the docstring of `shift_and_add` has the expected errors.
 
     Its columns are km, frames, none, perfect, shift-and-add, and this with a quarter of the frames;
@@ -71,7 +71,7 @@ def test_table_of_errors():
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_errors_by_drawing_are_the_expected_ones(way):
+def test_sampled_errors_match_expected_errors(way):
     """z-test at 1e-3 of the mean square error over 300 draws of one ship at 50 km."""
     fine, coarse = template()
     warmth, noise = infrared.contrast(50e3), infrared.noise_temperature(16)
@@ -93,7 +93,7 @@ def test_errors_by_drawing_are_the_expected_ones(way):
 
 @pytest.mark.parametrize("dy", [0, 1])
 @pytest.mark.parametrize("dx", [0, 1])
-def test_samples_are_four_detector_images_interlaced(dx, dy):
+def test_detector_samples_interlace_four_detector_images(dx, dy):
     """Each detector position equals plain averaging of 2 x 2 blocks, for stacks too."""
     fine = np.random.default_rng(0).standard_normal((3, 9, 12))
     moved = fine[:, dy:, dx:]
@@ -112,7 +112,7 @@ def test_shift_and_add_is_the_mean_of_four_samples():
     np.testing.assert_allclose(super_resolution.shift_and_add(samples), by_hand, atol=1e-15)
 
 
-def test_gains_are_the_norms_of_the_responses():
+def test_gains_equal_impulse_response_norms():
     """They are of one sample and one half pixel, which has twice the spread of a pixel."""
     impulse = np.zeros((9, 9))
     impulse[4, 4] = 1.0
@@ -125,7 +125,7 @@ def test_gains_are_the_norms_of_the_responses():
     assert sigma == pytest.approx(0.1 * super_resolution.SCENE_GAIN)
 
 
-def test_the_scene_is_that_of_the_perfect_image():
+def test_shifted_and_perfect_images_share_one_scene():
     """Without noise the shifted image is the perfect image seen by the detector.
 
     Half pixels have twice the spread, of which a detector pixel keeps half.

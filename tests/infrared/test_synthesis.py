@@ -12,7 +12,7 @@ HALF[:, :100] = True
 
 
 @pytest.mark.parametrize("frame_count", [1, 4, 16, 32])
-def test_both_gaussians(frame_count):
+def test_ship_and_sea_pixels_are_gaussian(frame_count):
     """KS test of 20,000 pixels at 1e-3, and z-tests of mean and variance, on ship and sea."""
     (thermal,) = thermal_images(
         HALF,

@@ -31,7 +31,7 @@ def threshold(looks, depth, **others):
 @pytest.mark.parametrize("false_alarm", [1e-9, 1e-4, 0.3])
 @pytest.mark.parametrize("depth", [0.0, 3.0, 67.0, 1e6])
 @pytest.mark.parametrize("dropout", [0.0, 0.3, 4.0, 15.0])
-def test_threshold_of_one_look_is_the_quantile_of_the_noise_peak(depth, dropout, false_alarm):
+def test_single_look_threshold_is_the_noise_peak_quantile(depth, dropout, false_alarm):
     """It is at least the dropout level; interpolation between edges 1/32 apart errs by 1e-4."""
     expected = optimize.brentq(lambda u: tail(u, depth) - false_alarm, 0.01, 60, xtol=1e-12)
     least = threshold(1, depth, dropout=dropout, false_alarm=false_alarm)
@@ -41,9 +41,7 @@ def test_threshold_of_one_look_is_the_quantile_of_the_noise_peak(depth, dropout,
 @pytest.mark.parametrize("false_alarm", [1e-9, 1e-3, 0.3])
 @pytest.mark.parametrize("dropout", [0.0, 0.01, 0.5, 4.0])
 @pytest.mark.parametrize("looks", [2, 10, 300])
-def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
-    looks, dropout, false_alarm
-):
+def test_zero_depth_gate_threshold_matches_exponential_looks(looks, dropout, false_alarm):
     """The number of reports is binomial; their excess over the dropout level sums to a gamma."""
     reports = np.arange(1, looks + 1)
     chance = stats.binom.pmf(reports, looks, math.exp(-dropout))
@@ -62,7 +60,7 @@ def test_threshold_of_a_gate_without_depth_is_that_of_exponential_looks(
 @pytest.mark.parametrize(
     "change", [{}, {"range_gate": 2000.0}, {"pulse_width": 100e-9}, {"threshold": 8.0}]
 )
-def test_the_sea_reaches_its_level_as_seldom_as_stated(change):
+def test_sea_level_has_stated_false_alarm_rate(change):
     """Binomial test of 50,000 averages of 30 simulated looks at the sea, 1e-3 over the cases."""
     flown, shape = flight(**change), (50_000, 30)
     nothing = Returns(shape, *[np.empty(0, np.intp)] * 2, *[np.empty(0)] * 2, 9)
@@ -84,7 +82,7 @@ def test_the_sea_reaches_its_level_as_seldom_as_stated(change):
         *({"threshold": least} for least in (0.0, 8.0, 12.0)),
     ],
 )
-def test_the_sea_reaches_its_threshold_as_seldom_as_stated(change, looks):
+def test_noise_threshold_has_stated_false_alarm_rate(change, looks):
     """Binomial test of 50,000 averages of simulated looks at the sea, 1e-3 over the 16 cases."""
     flown = flight(**change)
     shape = (50_000, looks)

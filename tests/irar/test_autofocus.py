@@ -28,7 +28,7 @@ def test_spectrum_of_one_slope_is_the_kernel():
 
 
 @pytest.mark.parametrize(("aspect", "error"), [(90, 0.05), (150, -0.05)])
-def test_a_block_with_upright_sides_gives_its_closing_speed(aspect, error):
+def test_autofocus_recovers_closing_speed_of_a_block(aspect, error):
     block = box((100, 16, 20)).apply_translation((0, 0, 10))
     scan = fly(block, flight(aspect=aspect, samples=260, pulse_rate=31e3)).noiseless()
     flown = scan.flight
@@ -42,7 +42,7 @@ def test_a_block_with_upright_sides_gives_its_closing_speed(aspect, error):
     assert abs(left) < slope * flown.climb / flown.closing_speed
 
 
-def test_a_scan_that_shows_nothing_is_refused():
+def test_empty_scan_is_refused():
     block = box((20, 16, 10)).apply_translation((0, 0, 5))
     scan = fly(block, flight()).noiseless()
     with pytest.raises(NothingSeenError, match=r"shows nothing 3\.2 m high"):

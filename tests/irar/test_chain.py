@@ -73,7 +73,7 @@ def measured(scan, window, **how):
     return irar.profile(irar.segmented(image, scan.flight), scan.flight)
 
 
-def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth):
+def test_noiseless_flight_reproduces_the_true_snapshot(flown, window, truth):
     """Check the image, its energy, and the ranges of faces towards the sensor.
 
     A corrected pixel averages looks spread over it, and the truth averages cells, but looks come
@@ -97,7 +97,7 @@ def test_a_noiseless_flight_gives_the_view_of_the_snapshot(flown, window, truth)
 
 
 @pytest.mark.parametrize("decibels", [15, 30])
-def test_a_measured_profile_is_the_true_one(decibels, scans, window, true_profile):
+def test_measured_profile_correlates_with_true_profile(decibels, scans, window, true_profile):
     """Correlation is 0.95 from 15 dB on, and 0.90 without the hangar, which dominates the first."""
     beside = without_hangar(true_profile)
     for scan in scans[decibels]:
@@ -107,7 +107,7 @@ def test_a_measured_profile_is_the_true_one(decibels, scans, window, true_profil
 
 
 @pytest.mark.parametrize("threshold", [5.0, 7.0, 12.0])
-def test_a_threshold_above_the_sea_leaves_the_ship_where_it_is(scans, threshold):
+def test_dropout_threshold_does_not_change_ship_ranges(scans, threshold):
     """The threshold drops half or nearly all of the sea's samples; ship ranges stay the same."""
     scan = scans[20][0]
     flight = dataclasses.replace(scan.flight, threshold=threshold)
@@ -137,7 +137,7 @@ def test_clusters_are_better_than_the_median_and_the_mean(scans, window, true_pr
             assert cluster > median > mean
 
 
-def test_frames_and_delays_gain_the_roots_of_their_numbers():
+def test_snr_grows_as_root_of_looks_and_detectors():
     """Check a flat wall that faces the sensor to 5 %: 3 standard errors of 2,000 pixels or more.
 
     Where the number N of looks varies, the mean of 1 / N counts. The expected number is the lines

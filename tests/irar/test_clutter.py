@@ -22,7 +22,7 @@ def with_sea(passed, **sea):
 APART = np.array([0.0, 3.0, 6.0, 12.0, 24.0, 60.0])
 
 
-def test_clutter_has_its_deviation_and_its_correlation():
+def test_clutter_has_stated_deviation_and_correlation():
     """Check 2,000 draws at six distances on two lines, each within 4.5 standard errors.
 
     The product of two normals of correlation r has the deviation sqrt(1 + r^2). Any of the 24
@@ -42,7 +42,7 @@ def test_clutter_has_its_deviation_and_its_correlation():
         assert (np.abs(ours - expected) < 4.5 * error).all()
 
 
-def test_lines_of_sight_meet_the_water_where_the_ships_frame_says(flown):
+def test_sea_points_lie_on_their_lines_of_sight(flown):
     """Points computed on the water lie on their lines of sight at that time."""
     planned = flown.plan.flight
     columns = np.arange(0, planned.samples, 17)
@@ -58,7 +58,7 @@ def test_lines_of_sight_meet_the_water_where_the_ships_frame_says(flown):
     assert (seen_from(planned, on_ship, time)[..., 2] > -planned.slant_range).all()
 
 
-def test_clutter_is_of_the_sea_alone_and_changes_nothing_else(flown):
+def test_clutter_changes_only_infrared_sea_pixels(flown):
     plain, rough = (
         with_sea(flown, clutter=level).record(np.random.default_rng(5))
         for level in (0.0, DEVIATION)

@@ -12,7 +12,7 @@ from ncti.irar.registration import azimuth_shift, motion_displacement
 
 
 @given(flights())
-def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
+def test_aircraft_position_matches_aspect_and_depression(flown):
     """The direction is (cos d cos a, cos d sin a, sin d) in the ship frame at time 0."""
     a, d = math.radians(flown.aspect), math.radians(flown.depression)
     towards = np.array([math.cos(d) * math.cos(a), math.cos(d) * math.sin(a), math.sin(d)])
@@ -25,7 +25,7 @@ def test_the_aircraft_is_seen_where_aspect_and_depression_say(flown):
 
 
 @given(flights())
-def test_speeds_are_the_derivatives_of_what_is_seen(flown):
+def test_apparent_speeds_match_finite_differences(flown):
     """Closing speed, drift and climb match central differences over 2 ms, to (v h / R)^2.
 
     The printed shift of a line is the drift in pixels, and the method `constant` takes it.
@@ -57,6 +57,6 @@ def test_speeds_are_the_derivatives_of_what_is_seen(flown):
     "opening",
     [{"offset": 90.0}, {"offset": 180.0}, {"aircraft_speed": 5.0}, {"aircraft_track": 200}],
 )
-def test_a_ship_that_opens_is_refused(opening):
+def test_geometry_with_opening_range_is_refused(opening):
     with pytest.raises(ValueError, match=r"aircraft_speed is .* now opens at [\d.]+ m/s$"):
         Flight(slant_range=3900.0, ship_heading=10.0, **opening)

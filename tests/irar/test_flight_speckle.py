@@ -37,7 +37,7 @@ def rough_surface(flown, lines, *, surfaces, scatterers=400, seed=0):
     ("speed", "ifov"),
     [(0.5, 205e-6), (15.0, 205e-6), (50.0, 20e-6)],
 )
-def test_the_closed_form_is_that_of_a_rough_surface(speed, ifov):
+def test_speckle_correlation_matches_simulated_rough_surface(speed, ifov):
     """Allow 4 standard errors sqrt((1 - mu^2) / 2 / 4000) of 4,000 surfaces (level 1e-4).
 
     The wavefront's curvature is the same in both lines and cancels. With a wide beam the phase

@@ -69,7 +69,7 @@ def schematic(shift=0.0):
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.2, 0.4, 0.6, 0.8])
-def test_places_put_in_come_back(shift):
+def test_landmarks_recover_schematic_positions(shift):
     """Places are within half a bin for any bin edges; their differences within 0.7 bin."""
     marks = landmarks(schematic(shift), CENTRES + shift)
     hangar = PARTS["hangar"][0]
@@ -85,7 +85,7 @@ def test_places_put_in_come_back(shift):
     assert marks.deck_spikes == ()
 
 
-def test_energies_hold_where_heights_do_not():
+def test_peak_energy_is_more_stable_than_height():
     """Shifts of the bins change heights by more than a quarter, energies by less than a tenth."""
     masts = [landmarks(schematic(s), CENTRES + s).mast for s in np.arange(0, 1, 0.1)]
     heights, energies = np.array([(p.height, p.energy) for p in masts]).T
@@ -93,7 +93,7 @@ def test_energies_hold_where_heights_do_not():
     assert np.ptp(energies) / energies.mean() < 0.1
 
 
-def test_peak_that_is_not_there_is_not_found():
+def test_absent_peaks_are_not_detected():
     bare = binned([-66.5, -41.3], [20.0, 60.0], [0.7, 0.9])
     marks = landmarks(bare, CENTRES)
     for peak in (marks.mast, marks.forward):
@@ -109,7 +109,7 @@ FIGURE_16 = {
 
 
 @pytest.mark.parametrize("spread", [0.0, 1.0])
-def test_frigates_show_what_figure_16_shows(frigate, spread):
+def test_frigate_landmarks_match_figure_16(frigate, spread):
     """Places agree within a bin; heights within a quarter, as they depend on the bins' place."""
     name, image = frigate
     expected = FIGURE_16[name]
@@ -124,7 +124,7 @@ def test_frigates_show_what_figure_16_shows(frigate, spread):
         assert peak.height == pytest.approx(height, rel=0.25)
 
 
-def test_deck_is_a_comb_where_pixels_are_points(frigate):
+def test_deck_spikes_appear_only_without_pixel_spread(frigate):
     """Three spikes are a pixel's length apart in range for any bins; spread pixels give none."""
     _, image = frigate
     spacing = PIXEL / math.sin(math.radians(DEPRESSION))
@@ -137,7 +137,7 @@ def test_deck_is_a_comb_where_pixels_are_points(frigate):
         assert smooth.deck_spikes == ()
 
 
-def test_correlation_is_pearson_on_the_bins_kept():
+def test_profile_correlation_is_pearson_without_excluded_bins():
     rng = np.random.default_rng(0)
     first, second = rng.random((2, 4, 30))
     kept = np.ones(30, dtype=bool)

@@ -45,7 +45,7 @@ def listed(index):
     st.sampled_from([np.arange(6), np.arange(0, 6, 1 / 8), np.arange(0, 6, 1 / 3), np.arange(0)]),
     st.integers(1, 5),
 )
-def test_looks_are_those_of_the_definition(samples, rows, columns):
+def test_gather_looks_matches_its_definition(samples, rows, columns):
     row, column = np.array(samples, dtype=float).reshape(-1, 2).T
     index = gather_looks(row, column, rows=rows, columns=columns)
     expected = plain_looks(row, column, rows, columns)
@@ -57,7 +57,7 @@ def test_looks_are_those_of_the_definition(samples, rows, columns):
     values,
     st.lists(st.lists(st.integers(0, 11), max_size=5), min_size=1, max_size=6),
 )
-def test_average_and_median_are_those_of_the_looks_there_are(samples, pixels):
+def test_average_and_median_ignore_missing_looks(samples, pixels):
     index = np.array([[(*looks, *[-1] * (5 - len(looks))) for looks in pixels]])
     means, middles = average(samples, index), median(samples, index)
     for c, looks in enumerate(pixels):
@@ -91,7 +91,7 @@ shapes = array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=9)
     arrays(float, shapes.filter(lambda shape: shape[-1] > 0), elements=maybe),
     st.sampled_from([0.25, 1.0, 4.0, 30.0]),
 )
-def test_it_is_the_mean_of_the_most_populated_window(ranges, window):
+def test_cluster_average_is_the_mean_of_the_fullest_window(ranges, window):
     averages = histogram_cluster_average(ranges, window=window)
     assert averages.shape == ranges.shape[:-1]
     flat = ranges.reshape(-1, ranges.shape[-1])

@@ -8,7 +8,7 @@ from ncti.irar import reflectivity
 
 
 @pytest.mark.parametrize("name", ["roberts", "duncan", "connole"])
-def test_a_transom_is_the_low_plate_that_closes_the_stern(name):
+def test_transom_gain_selects_the_low_stern_plate(name):
     mesh = ships.load(name)
     facets = reflectivity(mesh, transom_gain=0.25, mast_gain=3.0) == 0.25
     assert facets.any()

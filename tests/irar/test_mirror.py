@@ -33,7 +33,7 @@ def reflected(along, across, *, depression, mirror_angle, azimuth):
 
 
 @given(depressions, mirror_angles, st.floats(-360, 360))
-def test_the_image_is_turned_by_the_exact_angle(depression, mirror_angle, azimuth):
+def test_mirror_rotation_matches_finite_differences(depression, mirror_angle, azimuth):
     """Central differences of the reflection, exact to STEP^2 = 1e-8, agree with the closed form.
 
     Reflection keeps angles, so turns to the right and up become orthogonal axes of the image,

@@ -23,7 +23,7 @@ def likeness(image, truth):
     return np.corrcoef(np.nan_to_num(image.infrared).ravel(), fine.ravel())[0, 1]
 
 
-def test_turning_leans_the_mast_by_the_mirror(leaning):
+def test_printed_chain_tilts_mast_by_mirror_rotation(leaning):
     """The printed chain leaves the mast leaning by the mirror's angle, within 3 deg."""
     scan, window, truth, _ = leaning
     ours, printed = irar.correct(scan, window=window), irar.correct_as_printed(scan, window=window)
@@ -34,7 +34,7 @@ def test_turning_leans_the_mast_by_the_mirror(leaning):
     assert likeness(ours, truth) > 0.99 > likeness(printed, truth)
 
 
-def test_the_pulse_rate_shifts_nothing(leaning):
+def test_pulse_rate_leaves_the_drift_uncorrected(leaning):
     """With f the pulse rate the shift is divided by the pulses of a line, so the drift remains."""
     scan, window, truth, _ = leaning
     lines = irar.correct_as_printed(scan, window=window)

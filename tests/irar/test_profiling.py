@@ -21,7 +21,7 @@ ranges = st.one_of(st.integers(-80, 80).map(lambda n: n / 4), st.floats(-20, 20)
     st.sampled_from([0.25, 1.0, 3.0]),
     st.integers(1, 30),
 )
-def test_bins_are_those_of_the_definition(intensity, down_range, bin_width, bins):
+def test_profile_bins_match_their_definition(intensity, down_range, bin_width, bins):
     flown, window = flight(), Window(bottom=0, left=0, rows=4, columns=5)
     row, column, range_ = np.arange(4.0), np.arange(5.0), down_range + flown.slant_range
     image = Snapshot(window, row, column, intensity, range_, intensity, np.ones((4, 5), int))

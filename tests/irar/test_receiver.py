@@ -48,7 +48,7 @@ def below(level, *, depth, pulse_length):
     return -np.expm1(-level) * np.exp(-depth / pulse_length * rate)
 
 
-def test_a_deck_has_the_largest_of_its_returns():
+def test_separated_returns_yield_the_strongest_one():
     """Nine rays 20 m apart give the largest of nine exponential powers, with mean H_9 / 9.
 
     Its signal-to-noise ratio is H_9 / sqrt(sum 1 / k^2) = 2.3, as a maximum varies less.
@@ -66,7 +66,7 @@ def test_a_deck_has_the_largest_of_its_returns():
 
 
 @pytest.mark.parametrize("apart", [0.3, 0.5])
-def test_returns_closer_than_a_pulse_add_their_fields(apart):
+def test_returns_within_a_pulse_add_coherently(apart):
     """Two halves of the power, d L apart, with fields exp(-2 x^2 / L^2), peak at 2 exp(-d^2)."""
     length = flight().pulse_length
     intensity, range_ = received(rays([RANGE, RANGE + apart * length]), cnr=CLEAN, still=True)
@@ -74,7 +74,7 @@ def test_returns_closer_than_a_pulse_add_their_fields(apart):
     assert range_.mean() == pytest.approx(RANGE + apart * length / 2, abs=0.05)
 
 
-def test_what_lies_beyond_the_gate_is_not_received():
+def test_returns_beyond_the_range_gate_are_dropped():
     """A gate of 300 m about the nominal range drops a strong wall 151 m behind it, not at 149 m."""
     for beyond, inside in ((149.0, True), (151.0, False)):
         _, range_ = received(rays([RANGE + beyond] * 9), cnr=CLEAN, threshold=100.0, still=True)
@@ -94,7 +94,7 @@ def test_ranges_of_a_wall_have_the_error_of_the_sensor(range_sigma):
 
 
 @pytest.mark.parametrize("cnr", [3.0, 10.0, 30.0, 100.0])
-def test_false_ranges_and_dropouts_grow_as_the_target_fades(cnr):
+def test_false_range_and_dropout_rates_match_closed_forms(cnr):
     """Fractions match closed forms within 0.01 and four standard errors of a count of 3,000.
 
     The peak in the window of 32 m about the wall is the larger of an exponential of mean 1 + cnr

@@ -70,7 +70,7 @@ def tilt(row, column, *, upright):
 
 
 @given(flights(), st.integers(0, 2**32))
-def test_points_land_where_the_snapshot_sees_them(flown, seed):
+def test_registration_matches_exact_geometry(flown, seed):
     """Compare points at a sample's time and range with extended precision from the speeds alone.
 
     Coordinates of 30 km rounded in float64 are known to 1e-11 m: rows and columns to 1e-7 pixel.
@@ -105,7 +105,7 @@ def test_points_land_where_the_snapshot_sees_them(flown, seed):
 
 
 @pytest.mark.parametrize("offset", [5.0, -5.0])
-def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
+def test_only_per_pixel_shifts_straighten_the_mast(offset):
     """Compare the lean of a mast, 30 m high and 45 m before the ship's origin, with the truth.
 
     Without a shift it leans by drift over climb, 37 and 42 deg at time 0. One shift leaves some
@@ -133,7 +133,7 @@ def test_a_mast_is_straight_with_each_pixels_shift_only(offset):
 
 @pytest.mark.parametrize("depression", [6.7, 15.0])
 @pytest.mark.parametrize("mirror_angle", [45.0, 35.0])
-def test_a_shear_mends_both_and_a_rotation_the_waterline_only(depression, mirror_angle):
+def test_shear_corrects_mast_and_waterline_unlike_rotation(depression, mirror_angle):
     """Lines lean by L: x of a level line spans x / cos L of samples and x tan L of climb.
 
     Uncorrected, the waterline rises by sin |L| per sample and the mast is upright. The exact shear

@@ -12,7 +12,7 @@ from ncti.irar.scan import draw_attitude_errors
 from ncti.irar.scene import ScanPlan, scan_scene
 
 
-def test_detectors_trail_each_other_over_the_ship(ship, flown):
+def test_each_detector_lags_by_one_sample(ship, flown):
     """Detector k sees column j - k at sample j, also before the first sample."""
     scan = flown.noiseless()
     plan = flown.plan
@@ -28,7 +28,7 @@ def test_detectors_trail_each_other_over_the_ship(ship, flown):
 
 
 @pytest.mark.parametrize("jitter_time", [0.004, 0.1, 10.0])
-def test_attitude_wanders_as_a_markov_sequence(jitter_time):
+def test_attitude_errors_form_a_markov_sequence(jitter_time):
     """Deviation and lag-one correlation of 20,000 lines are within 4 standard errors."""
     flown_ = flight(jitter=2e-4, jitter_time=jitter_time)
     errors = draw_attitude_errors(ScanPlan(flown_, 0, 20_000), np.random.default_rng(2))
@@ -43,7 +43,7 @@ def test_attitude_wanders_as_a_markov_sequence(jitter_time):
         assert abs((a * b).mean()) < level * expected
 
 
-def test_jitter_turns_whole_lines(ship):
+def test_fly_applies_the_drawn_attitude_errors(ship):
     """A pass has the returns of its plan with the attitude errors that its generator draws."""
     shaken = flight(175.0, jitter=3e-4, jitter_time=0.02)
     passed = fly(ship, shaken, rng=np.random.default_rng(6))

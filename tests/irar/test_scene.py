@@ -30,7 +30,7 @@ def every_ray(mesh, plan, *, leading=0, attitude=None):
 
 @pytest.mark.parametrize("jitter", [False, True])
 @pytest.mark.parametrize("aspect", [175.0, 100.0])
-def test_samples_skipped_are_of_the_sea(aspect, jitter):
+def test_skipping_sea_samples_loses_no_hits(aspect, jitter):
     """The hits equal those of casting every ray of the scan, in the same order."""
     mesh = pole_on_box(60, 9, 5, 20)
     plan = plan_scan(mesh, flight(aspect, samples=150, line_rate=40))
@@ -92,12 +92,12 @@ def test_a_plan_sees_the_whole_ship(aspect, offset, length, mast, **given_):
         ({"offset": 60.0}, r"^offset is 60, .* nearer 0"),
     ],
 )
-def test_a_pass_that_cannot_see_the_ship_is_refused(changes, message):
+def test_infeasible_pass_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         plan_scan(BOX, flight(**({"aspect": 140.0} | changes)))
 
 
-def test_bad_reflectivities_are_named():
+def test_invalid_reflectivity_is_refused():
     plan = plan_scan(BOX, flight(140.0))
     with pytest.raises(ValueError, match=r"reflectivity has shape \(5,\), but must be \(12,\)"):
         scan_scene(BOX, plan, reflectivity=np.ones(5))

@@ -38,7 +38,7 @@ def test_a_plate_keeps_its_area_in_its_bin(spacing):
     assert (extent.fraction <= 1).all()
 
 
-def test_a_measured_profile_is_that_of_the_range_profiler():
+def test_measured_extent_profile_matches_range_profiler():
     mesh = ships.load("roberts")
     flown = fly(mesh, flight(aspect=90, samples=300, pulse_rate=36e3))
     planned = flown.plan.flight

@@ -64,18 +64,18 @@ SHEARS = [(0.0, 0.0), (0.1, 0.0), (0.0, -0.5), (-5.0, 0.0), (2.0, 0.5), (5.0, -5
 
 
 @pytest.mark.parametrize(("mast", "waterline"), SHEARS)
-def test_known_shears_come_back(truth, mast, waterline):
+def test_tilts_recover_known_shears(truth, mast, waterline):
     measured = tilts(sheared(truth, mast, waterline), truth)
     assert measured.mast == pytest.approx(mast, abs=0.02)
     assert measured.waterline == pytest.approx(waterline, abs=0.02)
 
 
-def test_coarser_truth_is_as_good_as_said(truth):
+def test_tilts_stay_accurate_with_coarser_truth(truth):
     measured = tilts(sheared(truth, 2.0, 0.5), averaged(truth, 2))
     assert (measured.mast, measured.waterline) == pytest.approx((2.0, 0.5), abs=0.05)
 
 
-def test_speckle_leaves_what_the_standard_error_says(truth):
+def test_tilt_errors_under_speckle_match_standard_errors(truth):
     """Check 12 images of 10 looks at 20 dB: masts within 0.2 deg, errors as stated.
 
     Squared errors over squared standard errors sum to a chi-squared of 12 degrees, which

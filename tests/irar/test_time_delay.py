@@ -12,7 +12,7 @@ from ncti.irar import time_delay_integrate
     arrays(float, (3, 2, 9), elements=st.integers(-1000, 1000).map(float)),
     st.integers(1, 3),
 )
-def test_columns_are_those_of_the_definition(samples, detectors):
+def test_integrated_columns_match_their_definition(samples, detectors):
     samples = samples[:detectors]
     expected = np.empty(samples.shape[1:])
     for line, c in np.ndindex(expected.shape):

@@ -28,7 +28,7 @@ def plain_boxes(group, start, stop, area, group_count, bin_count):
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.01, 0.3, 1.0, 7.0, 19.0]))
-def test_binning_is_the_overlap_of_every_box_with_every_bin(seed, widest):
+def test_bin_boxes_equals_box_bin_overlaps(seed, widest):
     rng = np.random.default_rng(seed)
     group = rng.integers(0, 3, 50)
     start = rng.uniform(0, 20 - widest, 50)
@@ -62,7 +62,7 @@ def sights():
 @pytest.mark.parametrize("image", sights(), ids=["lines", "pixels"])
 @pytest.mark.parametrize("whole", WHOLE)
 @pytest.mark.parametrize("start", [(0.31, 0.77)])
-def test_a_whole_ifov_further_is_the_same_but_for_the_numbers_of_cells(image, whole, start):
+def test_whole_ifov_shift_only_renumbers_cells(image, whole, start):
     """A thousand IFOVs away places are rounded at 1e-13, so fractions agree to 1e-10."""
     moved = (start[0] + whole[0], start[1] + whole[1])
     near, far = (range_extent(image, slant_range=1e5, shift=shift) for shift in (start, moved))
@@ -74,7 +74,7 @@ def test_a_whole_ifov_further_is_the_same_but_for_the_numbers_of_cells(image, wh
 @pytest.mark.parametrize("image", sights(), ids=["lines", "pixels"])
 @settings(max_examples=15, deadline=None)
 @given(st.tuples(*[st.floats(-3, 3)] * 2))
-def test_a_shift_moves_what_ifovs_hold_and_not_their_sum(image, shift):
+def test_shift_preserves_the_sum_over_ifovs(image, shift):
     """The range makes wavefronts flat, as chords between borders would approximate curved ones."""
     flat = {"slant_range": 1e11, "ifov": 15 / 1e11}
     still = range_extent(image, **flat)
@@ -89,7 +89,7 @@ def test_a_shift_moves_what_ifovs_hold_and_not_their_sum(image, shift):
 
 
 @pytest.mark.parametrize("image", sights(), ids=["lines", "pixels"])
-def test_a_packed_extent_comes_back_bit_for_bit(image):
+def test_packed_extent_round_trips_bit_for_bit(image):
     plain = range_extent(image, slant_range=1e5)
     for extent in (plain, plain.mirrored(), no_return(250.0, 1.0)):
         packed = extent.packed()
@@ -101,7 +101,7 @@ def test_a_packed_extent_comes_back_bit_for_bit(image):
         assert packed["fraction"].shape[1] == (np.ptp(filled) + 1 if filled.size else 0)
 
 
-def test_a_mirrored_shift_is_that_of_the_mirrored_face():
+def test_mirrored_extent_equals_extent_of_mirrored_box():
     plain, mirrored = (
         trimesh.creation.box(bounds=[[-1, left, 0], [1, left + 11, 7]]) for left in (-3, -8)
     )
@@ -121,7 +121,7 @@ def test_a_mirrored_shift_is_that_of_the_mirrored_face():
 
 
 @pytest.mark.parametrize("spread", [0.25, 0.5, 1.0])
-def test_a_row_is_spread_over_that_share_of_its_range(spread):
+def test_spread_sets_the_range_covered_by_each_row(spread):
     """The outermost rows of a deck, 0.25 m high, reach half a spread row beyond their middles."""
     slope = 1 / np.tan(np.radians(3.84))
     deck = plane(width=20, height=3, slope=(0.0, slope), roll=0.0)
@@ -133,7 +133,7 @@ def test_a_row_is_spread_over_that_share_of_its_range(spread):
     np.testing.assert_allclose([occupied.min(), occupied.max()], [-end, end], rtol=0, atol=0.05)
 
 
-def test_lambertian_return_has_the_cosine_of_incidence():
+def test_lambertian_return_scales_with_cosine_of_incidence():
     image = plane(width=20, height=20, slope=(0.75, 1.0))
     bright = range_extent(image, slant_range=1e5)
     dim = range_extent(image, slant_range=1e5, reflectance="lambertian")
@@ -151,9 +151,7 @@ def test_an_image_of_another_range_is_refused():
     ("ship", "aspect", "slant_range", "error"),
     [("texas", 20.3, 1e3, 0.088), ("texas", 20.3, 25e3, 0.0035), ("duncan", 90.0, 4e3, 0.0038)],
 )
-def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(
-    ship, aspect, slant_range, error
-):
+def test_far_field_error_bound_holds_at_any_range(ship, aspect, slant_range, error):
     """Errors come from lines at the range itself; abeam, the ends across turn by s / R."""
     view, mesh = {"aspect": aspect, "depression": 3.84}, ncti.ships.load(ship)
     binning = {"slant_range": slant_range, "ifov": 1e3 / slant_range}
@@ -170,7 +168,7 @@ def test_the_bound_of_a_far_field_view_covers_its_error_at_any_range(
     assert pixels.far_field_error == pytest.approx(approximate.far_field_error, rel=0.02)
 
 
-def test_errors_are_shares_of_the_exact_sum():
+def test_errors_are_relative_to_the_exact_sum():
     exact = replace(no_return(20.0, 1.0), fraction=np.eye(20)[9:11], cell=np.eye(2, dtype=int))
     half = replace(exact, fraction=exact.fraction[:1], cell=exact.cell[:1])
     swapped = replace(exact, fraction=exact.fraction[::-1])

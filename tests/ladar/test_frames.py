@@ -46,7 +46,7 @@ def drawn(target, count, *, target_free_ifovs=0, receiver="full_profile"):
 @given(counts=st.tuples(COUNTS, COUNTS), target_free_ifovs=st.sampled_from([0, 3, 100, 4000]))
 @example(counts=(1, 33), target_free_ifovs=4000)
 @pytest.mark.parametrize("bins", [1, 7, 250])
-def test_fewer_frames_are_the_first_of_more(bins, counts, target_free_ifovs):
+def test_fewer_frames_are_a_prefix_of_more(bins, counts, target_free_ifovs):
     few, many = sorted(counts)
     target = extent(bins=bins, ifovs=3)
     first, all_ = (
@@ -62,7 +62,7 @@ def blocks_of(count, *, bins=32):
 
 @settings(max_examples=30, deadline=None)
 @given(counts=st.lists(COUNTS, min_size=1, max_size=5), bins=st.sampled_from([1, 7, 250]))
-def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
+def test_streamed_averages_equal_averages_of_all_frames(counts, bins):
     most = max(counts)
     frames = np.concatenate(list(blocks_of(most, bins=bins)))
     streamed = ladar.cumulative_average(blocks_of(most, bins=bins), counts)
@@ -76,7 +76,7 @@ def test_averages_of_blocks_are_those_of_the_frames(counts, bins):
     ("counts", "message"),
     [([3, 41], "frame_count is 41, but must be .* 40"), ([0], "frame_count is 0"), ([], "empty")],
 )
-def test_averages_that_cannot_be_are_refused(counts, message):
+def test_invalid_frame_counts_are_refused(counts, message):
     with pytest.raises(ValueError, match=message):
         ladar.cumulative_average(blocks_of(40), counts)
 
@@ -87,7 +87,7 @@ def assert_equal_but_for_rounding(frames, expected):
 
 
 @pytest.mark.parametrize("target_free_ifovs", [0, 3, 4000])
-def test_a_bin_more_leaves_all_normals_where_they_were(target_free_ifovs):
+def test_extra_filled_bin_does_not_shift_random_draws(target_free_ifovs):
     target = extent(bins=64, ifovs=2)
     frames = drawn(target, 9, target_free_ifovs=target_free_ifovs)
     for bin_ in np.flatnonzero(target.fraction[0] == 0)[[0, -1]]:
@@ -98,7 +98,7 @@ def test_a_bin_more_leaves_all_normals_where_they_were(target_free_ifovs):
 
 
 @pytest.mark.parametrize("receiver", ["full_profile", "first_pulse", "peak_pulse"])
-def test_an_ifov_more_adds_its_own_waveform_alone(receiver):
+def test_extra_ifov_only_adds_its_own_waveform(receiver):
     target = extent(bins=64, ifovs=40)
     total, single, without = (
         drawn(
@@ -149,7 +149,7 @@ def plain_frames(target, count, *, pulse_width, cnr, target_free_ifovs, rng):
 @pytest.mark.parametrize("bins", [1, 7, 120, 251])
 @pytest.mark.parametrize("pulse_width", [10e-9, 30e-9, 50e-9])
 @pytest.mark.parametrize("cnr", [0.0, 1e3, 1e10])
-def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
+def test_frames_match_the_plain_computation(pulse_width, cnr, bins):
     """With equal normals frames agree with the plain computation within float32 rounding."""
     target = extent(bins=bins, ifovs=3)
     parameters = {"pulse_width": pulse_width, "cnr": cnr, "target_free_ifovs": 2}
@@ -160,7 +160,7 @@ def test_halves_and_short_reaches_leave_nothing_out(pulse_width, cnr, bins):
 
 @pytest.mark.parametrize("pulse_width", [1e-9, 1.8e-9, 30e-9, 1e-6])
 @pytest.mark.parametrize("bins", [1, 2, 7, 250, 1001])
-def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
+def test_noise_factor_matches_eigendecomposition(pulse_width, bins):
     """The factor has as many rows as eigenvectors, within two, and the same covariance.
 
     Either drops at most 1e-6 of the largest eigenvalue, the pivoted decomposition at most a tenth
@@ -176,7 +176,7 @@ def test_the_factor_of_the_noise_is_that_of_its_eigenvectors(pulse_width, bins):
     assert abs(len(factor) - np.count_nonzero(values > 1e-6 * values[-1])) <= 2
 
 
-def test_fine_bins_take_no_more_normals():
+def test_finer_bins_need_no_more_random_numbers():
     """Noise in 5 cm bins has the bandwidth, so the degrees of freedom, of that in 1 m bins."""
     fine, coarse = (ladar.fields.Noise.of(Pulse(30e-9, 200 / bins), bins) for bins in (4000, 200))
     assert len(fine.even) + len(fine.odd) <= len(coarse.even) + len(coarse.odd) + 4
@@ -184,7 +184,7 @@ def test_fine_bins_take_no_more_normals():
 
 @pytest.mark.parametrize("target_free_ifovs", [0, 4000])
 @pytest.mark.parametrize(("pulse_width", "bin_width"), [(10e-9, 0.5), (50e-9, 1.0)])
-def test_covariance_of_what_is_drawn(pulse_width, bin_width, target_free_ifovs):
+def test_sampled_frames_have_the_exact_moments(pulse_width, bin_width, target_free_ifovs):
     """Test variances along 200 directions in 120 bins of 10,000 frames at level 1e-3.
 
     Directions are 100 random ones and 100 eigenvectors of the exact covariance, from those within

@@ -55,7 +55,7 @@ def plain_moments(extent, *, pulse_width, cnr, target_free_ifovs=0):
 @pytest.mark.parametrize("cnr", [0.0, CNR, 1e7])
 @pytest.mark.parametrize("pulse_width", PULSES)
 @pytest.mark.parametrize("name", ["slope", "edge", "empty", "spikes"])
-def test_the_band_leaves_out_nothing_that_counts(name, pulse_width, cnr, target_free_ifovs):
+def test_banded_moments_match_the_full_matrices(name, pulse_width, cnr, target_free_ifovs):
     """The mean agrees with Equation C to rounding; the variance with the covariance's diagonal.
 
     The covariance is within NEGLIGIBLE of the noise per IFOV, and rounding. Sums of up to 4,000
@@ -77,7 +77,7 @@ def test_the_band_leaves_out_nothing_that_counts(name, pulse_width, cnr, target_
 
 
 @pytest.mark.parametrize("bin_width", [0.5, 1.0])
-def test_frames_average_and_bins_of_another_width(bin_width):
+def test_banded_covariance_scales_with_frame_count(bin_width):
     extent = view("slope", bin_width)
     parameters = {"pulse_width": 30e-9, "cnr": CNR}
     mean, band = banded_frame_moments(extent, frame_count=16, **parameters)
@@ -90,7 +90,7 @@ def test_frames_average_and_bins_of_another_width(bin_width):
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 1e-3, 0.03, 0.0999, 0.1001, 0.3, 0.7, 0.95])
-def test_covariance_of_two_magnitudes_is_its_power_series(correlation):
+def test_magnitude_covariance_matches_its_power_series(correlation):
     """It is (pi/2) sum over k of (binomial(1/2, k) rho^k)^2, on both sides of rho^2 = 0.01.
 
     Below it three terms replace the series, off by 4 (5/128)^2 m^3 = 6.1e-9 of the first at most.

@@ -43,7 +43,7 @@ def seen():
     ("spread", "reflectance"),
     [(0.5, "projected_area"), (1.0, "projected_area"), (0.0, "lambertian")],
 )
-def test_the_bound_covers_the_error_and_is_not_much_larger(seen, spread, reflectance):
+def test_error_bound_holds_and_is_tight(seen, spread, reflectance):
     """If 24 bounds hold in 95 of 100 cases each, more than three fail with 3 % probability.
 
     The lines err less than a hundredth as much. The median bound is at most 2.5 times the error;
@@ -61,7 +61,7 @@ def test_the_bound_covers_the_error_and_is_not_much_larger(seen, spread, reflect
     assert 1.3 < np.median(ratios) < 2.5
 
 
-def test_the_error_is_the_difference_of_quarters_from_the_whole():
+def test_pixel_error_follows_deviation_of_quarter_samples():
     """The bound is 0.6 of the quarters' difference from the whole, with and without pulse.
 
     Two of four quarters have twice the first bin and none of the second, two the reverse, so they
@@ -78,7 +78,7 @@ def test_the_error_is_the_difference_of_quarters_from_the_whole():
     assert pixel_error(np.full((4, 3), 0.25), np.ones(3), 0.0, bin_width=1.0) == 0.0
 
 
-def test_slopes_that_are_not_numbers_show_in_the_extent():
+def test_nan_slopes_propagate_to_the_extent():
     image = range_image(trimesh.creation.box(), pixel=0.5, aspect=0, depression=0, engine="embree")
     image.gradient[image.hit] = np.nan
     assert np.isnan(extent(image, 1e5).fraction).any()
@@ -99,7 +99,7 @@ def every_second(image, row, column):
 
 
 @pytest.mark.parametrize("reflectance", ["projected_area", "lambertian"])
-def test_strands_are_the_extents_of_every_second_row_and_column(reflectance):
+def test_strands_equal_extents_of_subsampled_images(reflectance):
     name, aspect, depression, slant_range = VIEWS[1]
     view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
     image = range_image(ncti.ships.load(name), pixel=0.5, engine="embree", **view)

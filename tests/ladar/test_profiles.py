@@ -48,7 +48,7 @@ def test_equation_c_for_one_bin(pulse_width, bin_width):
     np.testing.assert_allclose(profile, by_hand, rtol=1e-12)
 
 
-def test_noise_is_white_noise_through_the_matched_filter():
+def test_noise_covariance_matches_filtered_white_noise():
     """The covariance is the integral of h(x) h(x - l); intensity is 1/e^2 at half the width."""
     length = SPEED_OF_LIGHT * 30e-9 / 2
     x, step = np.linspace(-60, 60, 24001, retstep=True)
@@ -58,14 +58,14 @@ def test_noise_is_white_noise_through_the_matched_filter():
 
 
 @pytest.mark.parametrize("pulse_width", [10e-9, 50e-9])
-def test_the_response_is_a_row_of_the_kernel(pulse_width):
+def test_target_response_is_a_kernel_row(pulse_width):
     pulse = Pulse(pulse_width, 1.0)
     response = target_response(pulse)
     row = target_kernel(pulse, response.size)[response.size // 2]
     np.testing.assert_allclose(response, row, rtol=1e-13)
 
 
-def test_a_pulse_too_short_for_the_bins_is_told(stepped):
+def test_pulse_too_short_for_the_bins_warns(stepped):
     with pytest.warns(UserWarning, match=r"9\.43e-09"):
         ladar.expected_profile(stepped[1.0], pulse_width=9e-9, cnr=CNR)
     ladar.expected_profile(stepped[0.5], pulse_width=9e-9, cnr=CNR)
@@ -86,16 +86,14 @@ def test_gaussian_sum_of_target_free_ifovs_agrees_with_drawing_each(stepped, mon
         assert stats.ks_2samp(shortcut[:, bin_index], plain[:, bin_index]).pvalue > 1e-3 / 4
 
 
-def test_a_ratio_too_large_for_any_receiver_is_refused():
+def test_carrier_to_noise_above_200_db_is_refused():
     with pytest.raises(ValueError, match=r"extinction is 0\.1 dB/m, but must be such .* 200 dB"):
         ladar.carrier_to_noise(50e3, extinction=0.1)
 
 
 @pytest.mark.parametrize("ship", ["duncan", "texas"])
 @pytest.mark.parametrize("pulse_width", [10e-9, 50e-9])
-def test_at_the_faintest_signal_some_steps_of_single_precision_are_left_of_a_ship(
-    ship, pulse_width
-):
+def test_faintest_signal_survives_float32_rounding(ship, pulse_width):
     """This holds from every side; at a thirtieth of the signal some views are flat."""
     mesh, sight = ncti.ships.load(ship), {"slant_range": 100e3, "ifov": 150e-6}
     least = faintest_ratio(mesh.extents, **sight, target_free_ifovs=4000)

@@ -13,7 +13,7 @@ from ncti.ladar.receivers import detect
 CNR = 10**3.2
 
 
-def test_each_receiver_keeps_what_its_name_says():
+def test_receivers_keep_the_first_the_peak_or_all_pulses():
     waveform = np.array([[0.5, 9.0, 2.0, 30.0, 1.0], [0.1, 0.2, 0.3, 0.2, 0.1]])
     detected = {name: detect(waveform, receiver=name) for name in ("first_pulse", "peak_pulse")}
     np.testing.assert_array_equal(detected["first_pulse"], [[0, 9.0, 0, 0, 0], [0, 0, 0, 0, 0]])
@@ -21,7 +21,7 @@ def test_each_receiver_keeps_what_its_name_says():
     np.testing.assert_array_equal(detect(waveform, receiver="full_profile"), waveform)
 
 
-def test_noise_alone_exceeds_the_default_threshold_once_in_a_million_bins():
+def test_default_false_alarm_rate_is_one_in_a_million():
     rayleigh = stats.rayleigh(scale=(np.pi / 8) ** 0.25)  # variance sqrt(pi/8) in each quadrature
     just_below, just_above = (np.array([rayleigh.isf(rate)]) for rate in (1.001e-6, 0.999e-6))
     assert not detect(just_below, receiver="first_pulse").any()
@@ -29,7 +29,7 @@ def test_noise_alone_exceeds_the_default_threshold_once_in_a_million_bins():
 
 
 @pytest.mark.parametrize("receiver", ["first_pulse", "peak_pulse"])
-def test_a_face_square_on_is_one_spike_for_each_ifov(receiver):
+def test_perpendicular_face_gives_a_single_spike(receiver):
     extent = range_extent(plane(width=30, height=30, offset=0.5), slant_range=1e8, ifov=150e-9)
     profile = expected_profile(extent, pulse_width=30e-9, cnr=CNR, receiver=receiver)
     assert np.count_nonzero(profile) == 1

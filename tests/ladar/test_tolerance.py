@@ -16,7 +16,7 @@ from ncti.render import View
 
 @pytest.mark.parametrize("pulse_width", [0.0, 30e-9])
 @pytest.mark.parametrize("slant_range", [2e3, 80e3])
-def test_an_extent_is_that_of_the_lines(pulse_width, slant_range):
+def test_extent_within_equals_extent_of_lines_within(pulse_width, slant_range):
     ship = ncti.ships.load("texas")
     view = View(33.0, 3.84, slant_range=slant_range)
     options = {"tolerance": 0.002, "pulse_width": pulse_width, "spacing": 0.3}
@@ -40,7 +40,7 @@ def test_bounds_are_within_seven_tenths_of_the_tolerance(tolerance):
         assert extent.error_after(20e-9) <= 0.7 * tolerance
 
 
-def test_the_bound_is_of_shares_not_of_areas():
+def test_error_bound_ignores_scale_and_padding():
     strands = np.random.default_rng(1).uniform(1, 2, (16, 40))
     bound = sampling_error(strands, 400, 20e-9, bin_width=1.0)
     assert 0 < bound < 1
@@ -49,7 +49,7 @@ def test_the_bound_is_of_shares_not_of_areas():
     assert sampling_error(padded, 400, 20e-9, bin_width=1.0) == pytest.approx(bound)
 
 
-def test_a_tolerance_that_no_lines_meet_takes_the_finest():
+def test_unreachable_tolerance_uses_the_finest_spacing():
     box = trimesh.creation.box((2.0, 1.0, 1.0))
     view, options = View(33.0, 3.84), {"pulse_width": 0.0, "tolerance": 5e-324}
     assert lines_within(box, view, **options).spacing == pytest.approx(MIN_SPACING, rel=0.2)
@@ -57,7 +57,7 @@ def test_a_tolerance_that_no_lines_meet_takes_the_finest():
     assert extent.error_after(0.0) > 5e-324
 
 
-def test_strands_that_agree_have_no_error_and_none_an_unknown_one():
+def test_sampling_error_of_equal_and_empty_strands():
     assert sampling_error(np.ones((16, 5)), 100, 0.0, bin_width=1.0) == pytest.approx(0, abs=1e-12)
     for strands in (np.zeros((16, 5)), np.eye(16)):
         assert math.isnan(sampling_error(strands, 0, 10e-9, bin_width=1.0))
@@ -78,7 +78,7 @@ NEAR = View(33.0, 3.84, slant_range=20e3)
         (extent_within, {"beam": Beam(window=-1.0)}, "window is -1.0 m"),
     ],
 )
-def test_views_and_beams_are_checked(function, given, said):
+def test_invalid_views_and_beams_are_refused(function, given, said):
     box = trimesh.creation.box((2.0, 1.0, 1.0))
     with pytest.raises(ValueError, match=said):
         function(box, **{"view": NEAR, "tolerance": 0.01, "pulse_width": 30e-9, **given})

@@ -56,7 +56,7 @@ def test_notebook_runs_and_every_panel_shows_something(path, request, tmp_path, 
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_says_what_is_missing(path, tmp_path, monkeypatch):
+def test_notebook_explains_a_missing_store(path, tmp_path, monkeypatch):
     monkeypatch.setenv("NCTI_STORE", str(tmp_path / "absent.zarr"))
     with pytest.raises(FileNotFoundError, match="run a sweep first, or set NCTI_STORE"):
         exec(code_of(path)[0], {})

@@ -20,7 +20,7 @@ def test_the_long_wave_band_loses_half_a_decibel_a_kilometre():
     assert band_contrast(3900.0) == pytest.approx(1.39, abs=0.005)  # as stated
 
 
-def test_plates_of_a_gentle_curve_keep_their_ranges():
+def test_nearly_coplanar_plates_keep_their_ranges():
     """An arch of 100 plates, each 8 urad from the next, has a sagitta of 1 cm in 100 m.
 
     From above, on lines along the arch, range is the depth below the crown, k x^2 / 2. One plane

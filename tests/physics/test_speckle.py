@@ -60,7 +60,7 @@ def test_averaging_reduces_the_variance_as_one_over_n():
     assert abs(z) < stats.norm.isf(LEVEL / 2)
 
 
-def test_magnitude_covariance_has_its_limits():
+def test_magnitude_covariance_at_zero_and_full_correlation():
     field = np.array([[2.0, 0.0, 2.0], [0.0, 3.0, 0.0], [2.0, 0.0, 2.0]])
     covariance = magnitude_covariance(field)
     rayleigh = 2 - math.pi / 2
@@ -71,7 +71,7 @@ def test_magnitude_covariance_has_its_limits():
 
 @pytest.mark.parametrize("nanoseconds", [10, 20, 30, 40, 50, 90, 300])
 @pytest.mark.parametrize("bins", [7, 250, 251])
-def test_rounding_of_the_pulse_width_keeps_the_noise(nanoseconds, bins):
+def test_noise_is_stable_to_pulse_width_rounding(nanoseconds, bins):
     """The sign of eigenvectors is arbitrary and therefore fixed by a rule.
 
     Rounding of 2e-16 rotates modes by this over the least distance of two eigenvalues, a share of
@@ -89,7 +89,7 @@ def test_rounding_of_the_pulse_width_keeps_the_noise(nanoseconds, bins):
 
 @pytest.mark.parametrize("pulse_width", [1e-9, 10e-9, 30e-9, 300e-9])
 @pytest.mark.parametrize("bins", [1, 7, 250])
-def test_filtered_noise_has_the_covariance_of_a_target_free_ifov(pulse_width, bins):
+def test_floor_filter_matches_target_free_ifov_covariance(pulse_width, bins):
     """White noise is correlated by the transform of the squared transfer function.
 
     The filter is rounded to float32; the magnitudes' covariance has a relative error of 6e-9.

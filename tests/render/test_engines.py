@@ -88,7 +88,7 @@ def present(monkeypatch):
         ("osmesa", ("embree",), ["libosmesa6", "or use embree"]),
     ],
 )
-def test_a_missing_engine_is_named_with_its_package_and_the_others(present, name, there, words):
+def test_missing_engine_error_names_package_and_alternatives(present, name, there, words):
     present(*there)
     box = trimesh.creation.box((4, 2, 1))
     with pytest.raises(EngineError) as refusal:
@@ -98,14 +98,14 @@ def test_a_missing_engine_is_named_with_its_package_and_the_others(present, name
     assert "\n" not in message
 
 
-def test_an_unknown_engine_is_a_wrong_value():
+def test_unknown_engine_raises_value_error():
     with pytest.raises(ValueError, match="it must be auto, osmesa, egl, embree"):
         choose_engine("povray")
     assert engines() == ("osmesa", "egl", "embree")
 
 
 @needs("egl")
-def test_a_driver_that_cannot_start_is_an_engine_error(run):
+def test_driver_start_failure_raises_engine_error(run):
     message = run("""
         import ncti.render.opengl as opengl
         def fail(platform): raise AssertionError("no display")

@@ -42,7 +42,7 @@ def box():
         ([(-1, 0, 0), (0, 0, -1)], WIDTH * (HEIGHT * np.cos(BELOW) + LENGTH * np.sin(BELOW))),
     ],
 )
-def test_an_open_box_shows_what_faces_the_sensor(box, gone, seen, slant_range):
+def test_open_box_shows_only_front_faces(box, gone, seen, slant_range):
     """From the bow, 20 degrees above, areas are sums of w h cos(d) and w l sin(d)."""
     view = {"aspect": 0.0, "depression": 20.0, "slant_range": slant_range}
     mesh = without(box, *gone) if gone else box
@@ -53,7 +53,7 @@ def test_an_open_box_shows_what_faces_the_sensor(box, gone, seen, slant_range):
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_soups_of_facets_are_seen_as_by_a_search_of_all(seed):
+def test_ray_casting_matches_brute_force_on_triangle_soups(seed):
     """Among random triangles a ray hits the nearest one that faces it."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-20, 20, (120, 1, 3)) + rng.uniform(-8, 8, (120, 3, 3))

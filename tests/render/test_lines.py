@@ -19,7 +19,7 @@ def box(low, high):
 
 @pytest.mark.parametrize("slant_range", [None, 300.0, 4e3, 100e3])
 @pytest.mark.parametrize(("aspect", "depression"), [(0, 3.84), (37, 0.3), (123.4, 12.7), (90, 45)])
-def test_pieces_lie_on_what_a_ray_meets(slant_range, aspect, depression):
+def test_pieces_lie_on_surfaces_hit_by_rays(slant_range, aspect, depression):
     """A ray from the sensor through the middle of a piece meets the ship where the piece is."""
     hull = ship("spruance")
     image = line_image(
@@ -52,7 +52,7 @@ def test_pieces_lie_on_what_a_ray_meets(slant_range, aspect, depression):
 
 
 @pytest.mark.parametrize(("aspect", "depression"), [(0, 3.84), (70, 3.84), (140, 30), (20, 90)])
-def test_what_is_under_water_is_what_the_sea_hides(aspect, depression, tmp_path):
+def test_waterline_clipping_equals_occlusion_by_the_sea(aspect, depression, tmp_path):
     """Cutting off keel and bulb at loading gives the same view as drawing the sea above them."""
     parts = [
         box((-50, -6, -5), (50, 6, 6)),
@@ -84,7 +84,7 @@ def test_what_is_under_water_is_what_the_sea_hides(aspect, depression, tmp_path)
 
 
 @pytest.mark.parametrize("aspect", [0, 33, 90, 146])
-def test_solids_that_run_through_one_another_hide_as_if_united(aspect):
+def test_intersecting_solids_render_like_their_union(aspect):
     rng = np.random.default_rng(5)
     parts = []
     for _ in range(30):
@@ -103,7 +103,7 @@ def test_solids_that_run_through_one_another_hide_as_if_united(aspect):
 
 
 @pytest.mark.parametrize("factor", [2, 3, 5, 12])
-def test_lines_between_are_those_that_a_finer_view_has_more(factor):
+def test_refined_lines_equal_those_of_a_finer_view(factor):
     """Halved spacings agree bit for bit, also repeatedly; other factors within rounding."""
     hull = ship("texas")
     view = dict(aspect=61, depression=3.84, slant_range=5e3)
@@ -122,14 +122,14 @@ def test_lines_between_are_those_that_a_finer_view_has_more(factor):
 
 
 @pytest.mark.parametrize("roll", [0.0, 31.72, -200.0])
-def test_bounds_are_those_of_all_ends(roll):
+def test_bounds_equal_extremes_of_piece_ends(roll):
     image = line_image(ship("texas"), aspect=20, depression=12, spacing=1.0, roll=roll)
     for bounds, ends in zip(image.bounds, image.cross_range(), strict=True):
         assert bounds.tolist() == [ends.min(), ends.max()]
 
 
 @pytest.mark.parametrize("depression", [0.0, 90.0])
-def test_a_face_on_the_edge_of_two_bins_is_in_the_bin_behind(depression):
+def test_face_on_bin_edge_is_in_the_farther_bin(depression):
     """Rounding does not decide the bin; the reference uses the same one."""
     mesh = trimesh.creation.box((40.0, 12.0, 8.0))
     image = line_image(mesh, aspect=0, depression=depression)
@@ -139,7 +139,7 @@ def test_a_face_on_the_edge_of_two_bins_is_in_the_bin_behind(depression):
 
 @pytest.mark.parametrize("side", [0.6, 3.0, 15.0, 1e3])
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.3, 0.8)])
-def test_cells_share_the_area_out(side, shift):
+def test_binning_conserves_area_per_cell(side, shift):
     """Binning loses no area; each cell has the area of the parts of pieces within it."""
     image = line_image(ship("horne"), aspect=37, depression=3.84)
     parts = image.bin(side=side, shift=shift)
@@ -169,7 +169,7 @@ def test_cells_share_the_area_out(side, shift):
 @pytest.mark.parametrize(("aspect", "depression"), [(0.0, 0.0), (181.07, 0.0), (37.0, 0.5)])
 @pytest.mark.parametrize("slant_range", [400.0, 31e3])
 @pytest.mark.parametrize("drawn_there", [True, False])
-def test_pieces_end_in_a_bin_where_their_range_does(slant_range, drawn_there, aspect, depression):
+def test_pieces_are_split_exactly_at_bin_edges(slant_range, drawn_there, aspect, depression):
     """No area is in a wrong bin, for any curvature of the wavefront within a bin.
 
     Distance is convex along a straight line: the part of a piece nearer than a bin edge is one

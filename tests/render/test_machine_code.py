@@ -27,7 +27,7 @@ def compiled(tmp_path, monkeypatch, umask):
         cached.cache_clear()
 
 
-def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_path):
+def test_machine_code_in_world_writable_folder_is_not_loaded(compiled, tmp_path):
     assert compiled()(5.0) == 2.5
     files = list(tmp_path.rglob("*.nbc"))
     files[0].parent.chmod(0o777)
@@ -38,7 +38,7 @@ def test_machine_code_that_others_may_have_written_is_not_loaded(compiled, tmp_p
     )
 
 
-def test_a_constant_of_another_module_is_compiled_again(tmp_path):
+def test_changed_constant_of_another_module_recompiles(tmp_path):
     """Numba itself would compare only the time of the function's own file."""
     (tmp_path / "loops.py").write_text(
         "from depth import DEPTH\nfrom ncti.compiled import compiled\n"

@@ -13,7 +13,7 @@ VIEWS = [(0, None, 0.11), (33.3, 4e3, 0.6), (71, 25e3, 0.25), (200, 50e3, 0.25),
 
 @pytest.mark.skipif("osmesa" not in available_engines(), reason="no osmesa library here")
 @pytest.mark.parametrize("name", ships.names())
-def test_masks_are_the_hits_of_range_images(name):
+def test_masks_equal_range_image_hits(name):
     """They share OpenGL's matrix, its grid of vertices and its rule for centres on a border.
 
     In 672 views of the six ships one pixel differs by float32 rounding, so one pixel may differ in
@@ -30,7 +30,7 @@ def test_masks_are_the_hits_of_range_images(name):
 
 
 @given(st.integers(0, 2**32), st.sampled_from([1, 4, 256]))
-def test_a_centre_on_a_border_belongs_to_one_side(seed, steps):
+def test_pixel_centres_on_edges_follow_the_fill_rule(seed, steps):
     """Corners lie on grids of 1, 1/4 and 1/256 pixel, so that whole numbers decide exactly."""
     rng = np.random.default_rng(seed)
     corners = rng.integers(-2 * steps, 18 * steps, (30, 2))

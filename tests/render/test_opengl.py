@@ -37,7 +37,7 @@ print("drawn")
 
 
 @needs_osmesa
-def test_pyrender_draws_on_a_binding_stripped_to_what_3_1_0_has():
+def test_pyrender_draws_with_pyopengl_3_1_0_names_only():
     ran = python("-c", STRIP, check=False)
     assert ran.stdout.strip() == "drawn", ran.stderr
 
@@ -50,7 +50,7 @@ range_image(trimesh.creation.box((10, 4, 2)), aspect=30, depression=10, engine="
 
 
 @needs_osmesa
-def test_mesa_maps_no_cache_of_shaders_which_a_full_disk_would_make_fatal(tmp_path):
+def test_mesa_shader_cache_is_disabled(tmp_path):
     (tmp_path / "ncti-sweep").symlink_to(user_cache_path("ncti-sweep"))  # with its compiled loops
     places = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
     places.pop("MESA_SHADER_CACHE_DISABLE", None)

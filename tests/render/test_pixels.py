@@ -22,7 +22,7 @@ def looked_at(mesh, aspect, depression, slant_range, pixel):
 @pytest.mark.skipif("osmesa" not in available_engines(), reason="no osmesa library here")
 @pytest.mark.parametrize("view", VIEWS, ids=str)
 @pytest.mark.parametrize("name", ships.names())
-def test_what_is_left_out_would_not_be_seen(name, view):
+def test_skipped_facets_do_not_change_the_image(name, view):
     """At most a third of the facets gives the same image bit for bit as all facets."""
     solid, view, lattice, points = looked_at(ships.load(name), *view)
     engine = start_engine("osmesa")
@@ -56,7 +56,7 @@ def every_ray(solid, view, lattice):
 
 @pytest.mark.parametrize("name", ships.names()[:3])
 @pytest.mark.parametrize("view", VIEWS, ids=str)
-def test_rays_left_out_would_miss(name, view):
+def test_skipped_rays_do_not_change_the_image(name, view):
     """Rays within each row's span give the same image as a ray for every pixel.
 
     This also holds for an open ship, whose facets are seen from behind.

@@ -29,7 +29,7 @@ LOW, HIGH = (-60.0, -7.0, -2.0), (70.0, 9.0, 12.0)
     slant_range=st.none() | st.floats(2.1, 9).map(lambda exponent: 10**exponent),
 )
 @example(aspect=1.5, depression=0.2, roll=ROLL, pixel=0.25, slant_range=400.0)
-def test_box_from_anywhere(engine, aspect, depression, roll, pixel, slant_range):
+def test_box_matches_tracer_from_any_view(engine, aspect, depression, roll, pixel, slant_range):
     """Ranges are exact where both see the same side; sides differ only at a border."""
     seen = {"aspect": aspect, "depression": depression, "roll": roll, "slant_range": slant_range}
     box = trimesh.creation.box(bounds=[LOW, HIGH])

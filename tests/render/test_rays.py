@@ -34,7 +34,7 @@ def test_distances_are_exact_at_any_range(distance, angles):
     np.testing.assert_allclose(hits.cosine[exact], cosine[exact], rtol=0, atol=1e-14)
 
 
-def test_what_lies_behind_an_origin_is_not_seen():
+def test_rays_ignore_surfaces_behind_their_origin():
     """From between two walls each direction shows the one ahead."""
     walls = [trimesh.creation.box((1, 9, 5)).apply_translation((x, 0, 0)) for x in (-20, 20)]
     mesh = trimesh.util.concatenate(walls)

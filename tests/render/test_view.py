@@ -33,7 +33,7 @@ def test_aspect_is_zero_at_the_bow_and_grows_to_port(aspect, nearest):
 
 
 @given(views, st.integers(0, 10), st.floats(0.05, 5))
-def test_lattice_covers_the_points_with_less_than_a_pixel_to_spare(view, seed, pixel):
+def test_lattice_fits_the_points_to_within_one_pixel(view, seed, pixel):
     points = points_of(seed)
     lattice = Lattice.around(points, view, pixel)
     projected = points[:2] / (1 + view.curvature * points[2])

@@ -25,7 +25,7 @@ def found(tmp_path, attributes=SOURCE, **more):
     return read_frames(path)["scores"].rows
 
 
-def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
+def test_table_4_is_compared_only_with_matching_rows(tmp_path):
     rows = found(tmp_path)
     compared = rows[rows.article_percent_correct.notna()]
     assert set(compared.pulse_width_ns) == {30.0} and set(compared.vigilance) == {0.95}
@@ -50,7 +50,7 @@ def test_table_4_stands_beside_its_own_rows_alone(tmp_path):
         ("mesh_transforms.duncan", "scale: 0.5"),
     ],
 )
-def test_nothing_stands_beside_other_views_or_settings(place, value, tmp_path):
+def test_other_views_or_settings_are_not_compared_with_article(place, value, tmp_path):
     attributes = copy.deepcopy(SOURCE)
     *above, last = place.split(".")
     inner = attributes
@@ -61,12 +61,12 @@ def test_nothing_stands_beside_other_views_or_settings(place, value, tmp_path):
 
 
 @pytest.mark.parametrize("axis", [{"range": 50.0}, {"aspects": ["between"]}], ids=str)
-def test_nothing_stands_beside_other_values_of_axes(axis, tmp_path):
+def test_other_axis_values_are_not_compared_with_article(axis, tmp_path):
     assert "article_percent_correct" not in found(tmp_path, **axis)
 
 
 @pytest.mark.parametrize("number", [1, 10])
-def test_the_article_stands_beside_learned_aspects_where_random_ones_are_added(number, tmp_path):
+def test_article_is_compared_with_learned_but_not_random_aspects(number, tmp_path):
     attributes = copy.deepcopy(SOURCE) | {"seed": 3}
     grid = attributes["configuration"]["grid"]
     grid["aspect"] = sorted({*grid["aspect"], *draw_aspects(0.0, 90.0, number, seed=3)})
@@ -75,7 +75,7 @@ def test_the_article_stands_beside_learned_aspects_where_random_ones_are_added(n
     assert set(rows[rows.article_percent_correct.notna()].aspects) == {"learned"}
 
 
-def test_of_a_setting_that_is_swept_only_rows_at_the_article_s_value_are_compared(tmp_path):
+def test_swept_setting_is_compared_only_at_the_article_value(tmp_path):
     attributes = copy.deepcopy(SOURCE)
     attributes["configuration"]["ladar"]["cnr"] = [29.0, 32.0]
     rows = found(tmp_path, attributes, cnr=[29.0, 32.0])
@@ -84,7 +84,7 @@ def test_of_a_setting_that_is_swept_only_rows_at_the_article_s_value_are_compare
 
 
 @pytest.mark.parametrize("views", [124, 123])
-def test_table_3_stands_beside_categories_of_all_views(views, tmp_path):
+def test_table_3_is_compared_only_with_categories_of_all_views(views, tmp_path):
     table = categories(20, views, pulse_width=[10.0, 30.0], vigilance=[0.9, 0.95], range=[100.0])
     path = stored(tmp_path / "s.zarr", SOURCE, tables__categories_acn=table)
     rows = read_frames(path)["categories"].rows
@@ -95,7 +95,7 @@ def test_table_3_stands_beside_categories_of_all_views(views, tmp_path):
     assert compared.article_categories.tolist() == [26, 18] and set(compared.vigilance) == {0.95}
 
 
-def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
+def test_bound_is_maximum_likelihood_with_largest_gain_sigma(tmp_path):
     axes = {"range": [50.0, 100.0], "frame_count": [4, 16]}
     bound = scores(1, bins=BINS, **axes, gain_sigma=[0.0, 1.0])
     ours = scores(2, bins=BINS, **axes)
@@ -117,9 +117,15 @@ def test_the_bound_is_maximum_likelihood_of_the_least_known_gain(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["paper", "draws", "table4"])
-def test_the_article_stands_beside_its_own_experiments(name, tmp_path):
+def test_reproduction_experiments_are_compared_with_the_article(name, tmp_path):
     choices = chosen(f"+experiment={name}")
     settings = (setting for setting in EXPERIMENT.declared if setting.key in choices.values)
     configuration = {setting.key: setting.kind.as_input(choices[setting]) for setting in settings}
     rows = found(tmp_path, SOURCE | {"configuration": nested(configuration)})
     assert rows.article_percent_correct.notna().any()
+
+
+def test_shifted_images_count_the_frames_of_all_positions(smoke_store):
+    rows = read_frames(smoke_store)["infrared_super_resolution"].rows
+    positions = rows.super_resolution.map({"none": 1, "perfect": 1, "shifted": 4})
+    assert (rows.frames_in_all == rows.frame_count * positions).all()

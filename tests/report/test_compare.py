@@ -37,7 +37,7 @@ def answers():
     return rng.random((2, 2, 20)) < 0.7, rng.random((2, 20)) < 0.8
 
 
-def test_differences_are_of_the_answers_in_common(answers, tmp_path):
+def test_differences_use_only_shared_answers(answers, tmp_path):
     """One store has a second pulse width; the other lacks an aspect, and answers at another."""
     at_widths, single = answers
     first = store(tmp_path / "a.zarr", at_widths, pulse_width=[10.0, 30.0])
@@ -59,7 +59,7 @@ def test_differences_are_of_the_answers_in_common(answers, tmp_path):
 
 
 @pytest.mark.parametrize("better", [0, 1])
-def test_what_changed_most_is_said_either_way(better, tmp_path):
+def test_largest_change_is_reported_for_gain_and_loss(better, tmp_path):
     right = np.arange(40).reshape(2, 20) % 10 > 0  # nine in ten; negated, one in ten
     paths = [store(tmp_path / f"{k}.zarr", right if k == better else ~right) for k in range(2)]
     sentence, chance = change_sentences(compare(*paths))
@@ -70,7 +70,7 @@ def test_what_changed_most_is_said_either_way(better, tmp_path):
     assert chance == "Comparisons significant by Holm's correction at 5 %: 1 of 1."
 
 
-def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_largest(tmp_path):
+def test_insignificant_difference_is_not_reported_as_largest(tmp_path):
     """In one cell the answers to 2 of 4 views change, and in the other to 16 of 40."""
     paths = []
     for name, few, many in (("a", 2, 10), ("b", 4, 26)):
@@ -89,7 +89,7 @@ def test_a_larger_difference_that_is_not_significant_is_not_said_to_be_the_large
     assert counted.endswith(": 1 of 2.")
 
 
-def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, tmp_path):
+def test_changes_only_in_training_answers_are_reported_as_such(answers, tmp_path):
     paths = [store(tmp_path / f"{k}.zarr", answers[1]) for k in range(2)]
     for path, right in zip(paths, answers[0], strict=True):
         coords = {"ship": ["duncan", "texas"], "aspect": ASPECTS}
@@ -102,7 +102,7 @@ def test_answers_that_differ_in_training_alone_are_said_to_be_no_tests(answers, 
     assert equal == "All answers of tests are equal; only those at learned aspects changed."
 
 
-def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, capsys):
+def test_command_prints_and_writes_the_comparison(answers, tmp_path, monkeypatch, capsys):
     at_widths, single = answers
     paths = store(tmp_path / "a.zarr", at_widths[0]), store(tmp_path / "b.zarr", single)
     assert reported(monkeypatch, *paths, "--html") == 0
@@ -117,7 +117,7 @@ def test_the_command_prints_and_writes_them(answers, tmp_path, monkeypatch, caps
     assert policy.startswith("default-src 'none'")
 
 
-def test_learned_aspects_and_others_are_apart_and_other_tables_are_subtracted(answers, tmp_path):
+def test_comparison_separates_learned_aspects_and_subtracts_tables(answers, tmp_path):
     learned = xr.Dataset(coords={"learned": ("aspect", ASPECTS < 30), "aspect": ASPECTS})
     paths = [tmp_path / "a.zarr", tmp_path / "b.zarr"]
     for path, right, count in zip(paths, answers[0], (7, 9), strict=True):
@@ -145,7 +145,7 @@ def _family(rng, cells, change):
     )
 
 
-def test_of_many_comparisons_without_a_difference_few_families_have_one():
+def test_holm_controls_the_familywise_error_rate():
     """At most 5 % of 200 families of 25 null comparisons may err, by a test at 1e-4."""
     rng = np.random.default_rng(7)
     erred = sum(bool(holm([_family(rng, 25, 0.0)])[0][0].any()) for _ in range(200))
@@ -170,7 +170,7 @@ def test_holm_steps_down():
     assert holm([pairs, equal])[1] == 12 and holm([equal])[1] == 0
 
 
-def test_stores_with_the_same_results_are_one_sentence(tmp_path, monkeypatch, capsys):
+def test_equal_stores_are_reported_in_one_sentence(tmp_path, monkeypatch, capsys):
     """Files of an earlier comparison go, unless others wrote them."""
     paths = _trees(tmp_path, [5.0], [6.0])
     assert reported(monkeypatch, *paths, "--html") == 0
@@ -198,7 +198,7 @@ def _trees(tmp_path, *heights, sizes=(1.0, 2.0, 3.0), **about):
     return paths
 
 
-def test_a_figure_that_one_store_lacks_has_changed(tmp_path):
+def test_value_missing_in_one_store_counts_as_changed(tmp_path):
     nan = float("nan")
     compared = compare(*_trees(tmp_path, [5.0, nan, nan], [5.0, nan, 7.0]))
     sentence = change_sentences(compared)[0]
@@ -210,7 +210,7 @@ def test_a_figure_that_one_store_lacks_has_changed(tmp_path):
     assert [cell.text for cell in last.cells] == ["–", "7", "–"]
 
 
-def test_ships_of_one_name_that_differ_are_named(tmp_path):
+def test_same_named_ships_with_different_meshes_are_listed(tmp_path):
     digests = [{"duncan": "1", "horne": "2"}, {"duncan": "1", "horne": "3", "texas": "4"}]
     paths = _trees(tmp_path, [5.0], [6.0], mesh_digests=digests, configuration=[{}, {}])
     sentence = "All settings are the same. Ships that differ: horne."
@@ -237,7 +237,7 @@ def test_classifiers_that_do_not_differ_are_left_out(answers, tmp_path):
     assert compared.number == 1
 
 
-def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tmp_path):
+def test_change_table_has_at_most_ten_rows(tmp_path):
     widths = [float(10 * k) for k in range(1, 25)]
     rng = np.random.default_rng(3)
     right = [rng.random((24, 2, 20)) < share for share in (0.9, 0.6, 0.3)]
@@ -264,7 +264,7 @@ def test_the_answer_is_at_most_ten_lines_along_the_axis_with_a_column_a_store(tm
 
 
 @pytest.mark.parametrize("changed", [0, 1])
-def test_the_page_shows_the_largest_change_at_first(changed, tmp_path):
+def test_comparison_page_initially_selects_the_largest_change(changed, tmp_path):
     """The page selects the frame count whose answers changed, not a preferred one."""
     right = np.ones((3, 2, 2, 20))
     wrong = right.copy()
@@ -279,7 +279,7 @@ def test_the_page_shows_the_largest_change_at_first(changed, tmp_path):
     assert [selected for *_, selected in options] == [changed == 0, changed == 1]
 
 
-def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path):
+def test_any_experiment_is_compared_at_shared_axis_values(tmp_path):
     paths = [tmp_path / "a.zarr", tmp_path / "b.zarr"]
     values = [1.0, 2.0, 3.0], [2.0, 3.0, 4.0]
     for path, sizes, figures in zip(paths, values, ([5.0, 6.0, 7.0], [6.5, 9.0, 1.0]), strict=True):
@@ -297,7 +297,7 @@ def test_figures_of_any_experiment_are_compared_at_the_values_in_common(tmp_path
     assert settings_sentence(compared) == "Settings that differ: depth 1 in a.zarr and 2 in b.zarr."
 
 
-def test_stores_of_one_value_each_are_compared_whatever_it_is(answers, tmp_path):
+def test_single_axis_values_are_compared_even_if_they_differ(answers, tmp_path):
     paths = [
         store(tmp_path / f"{k}.zarr", right[None], pulse_width=[width])
         for k, (right, width) in enumerate(zip(answers[0], (30.0, 40.0), strict=True))
@@ -332,14 +332,14 @@ def different(tmp_path_factory):
         (("a.zarr", "--pictures", "c.zarr"), "--pictures draws one store"),
     ],
 )
-def test_mistakes_are_one_sentence(arguments, said, different, monkeypatch, capsys):
+def test_invalid_arguments_give_a_one_line_error(arguments, said, different, monkeypatch, capsys):
     monkeypatch.chdir(different)
     assert reported(monkeypatch, *arguments) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
 
 
-def test_stores_of_one_name_are_told_apart_by_their_folders(answers, tmp_path):
+def test_same_named_stores_are_distinguished_by_folder(answers, tmp_path):
     paths = []
     for folder, right in zip("xy", answers[0], strict=True):
         (tmp_path / folder).mkdir()

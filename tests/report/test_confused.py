@@ -22,7 +22,7 @@ def answers(order=(0, 1, 2), wrong=(), cnr=(5.0, 10.0)):
     return xr.Dataset({"predicted": (("cnr", "ship", "aspect"), named)}, coords)
 
 
-def test_ships_are_confused_either_way_over_all_classifiers(tmp_path):
+def test_most_confused_pair_counts_both_directions_and_all_classifiers(tmp_path):
     """Two classifiers name Duncan Horne at 0, Texas Horne at 30, and one Horne Texas at 60 deg."""
     groups = {
         "classification__acn": answers(wrong=[(0, 1, 0), (2, 1, 1)]),
@@ -41,12 +41,12 @@ def test_without_wrong_answers_no_ships_are_confused(tmp_path):
     assert most_confused(read_predictions(without)) is None
 
 
-def test_the_page_shows_them_beside_the_confusion(smoke_store):
+def test_page_shows_a_picture_of_the_most_confused_ships(smoke_store):
     (section,) = read_page(page_file(smoke_store)).root.all("section", id="confused")
     assert section.only("img").attrs["src"].startswith("data:image/png;base64,")
 
 
-def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):
+def test_failing_to_join_answers_does_not_prevent_the_page(tmp_path):
     twice = answers(wrong=[(0, 1, 0)]).assign_coords(aspect=[0.0, 30.0, 30.0])
     groups = {"classification__acn": answers(), "classification__mnn": twice}
     groups |= {
@@ -58,7 +58,7 @@ def test_answers_that_cannot_be_joined_do_not_prevent_the_page(tmp_path):
     assert "Error" in section.text and not section.all("img")
 
 
-def test_every_classifier_has_its_confusion_beside_its_scores(smoke_store):
+def test_every_scored_classifier_has_a_confusion_matrix(smoke_store):
     frames = read_frames(smoke_store)
     matrix = confusion_frame(read_predictions(open_store(smoke_store)), frames)
     pairs = ["classifier", "channel"]

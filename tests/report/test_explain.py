@@ -12,7 +12,7 @@ from sweeps.report.outputs import page_file
 
 
 @pytest.mark.parametrize("word", ["ACN", "acn", "points below bound", "Range-Profile"])
-def test_both_commands_print_the_entry_of_the_glossary(word, monkeypatch, capsys):
+def test_both_commands_explain_glossary_terms(word, monkeypatch, capsys):
     assert reported(monkeypatch, "--explain", *word.split()) == 0
     captured = capsys.readouterr()
     assert ran("--explain", *word.split()) == 0
@@ -27,21 +27,21 @@ def test_both_commands_print_the_entry_of_the_glossary(word, monkeypatch, capsys
     ("word", "near"),
     [("ACM", "ACN"), ("vigilanse", "vigilance"), ("qqq", "--explain")],
 )
-def test_an_unknown_word_is_refused_with_near_ones(word, near, monkeypatch, capsys):
+def test_unknown_term_is_refused_with_suggestions(word, near, monkeypatch, capsys):
     status = reported(monkeypatch, "--explain", word)
     captured = capsys.readouterr()
     assert status == 2 and captured.out == "" and captured.err.count("\n") == 1
     assert repr(word) in captured.err and near in captured.err
 
 
-def test_every_head_of_a_table_has_a_meaning(smoke_store):
+def test_every_table_heading_is_in_the_glossary(smoke_store):
     for frame in read_frames(smoke_store).values():
         names = [*frame.figures, *frame.varying_axes]
         words = {frame.columns[name].words for name in names}
         assert not {word for word in words if not meaning(word)}, frame.name
 
 
-def test_heads_of_the_page_point_to_it(smoke_store):
+def test_page_table_headings_have_glossary_tooltips(smoke_store):
     page = read_page(page_file(smoke_store))
     section = page.root.only("section", id="table-scores")
     heads = {head.text: head.attrs.get("title") for head in section.all("th", scope="col")}

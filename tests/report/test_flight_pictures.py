@@ -30,7 +30,7 @@ def pictures(folder):
 
 
 @pytest.mark.usefixtures("quick_layout")
-def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
+def test_report_draws_pictures_only_on_request(store, monkeypatch, capsys):
     assert reported(monkeypatch, store) == 0
     assert pictures(tables_folder(store)) == []
     assert reported(monkeypatch, "--pictures", store) == 0
@@ -45,7 +45,7 @@ def test_the_report_draws_when_it_is_told_to(store, monkeypatch, capsys):
     assert "pictures" in captured.err and "100%" in captured.err
 
 
-def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, capsys):
+def test_pictures_of_a_store_without_flights_are_refused(tmp_path, monkeypatch, capsys):
     path = tmp_path / "s.zarr"
     scores(mass=[1.0, 2.0]).to_zarr(path, group="tables/pears", consolidated=False)
     signed(path)
@@ -54,7 +54,7 @@ def test_a_store_without_flights_has_no_such_pictures(tmp_path, monkeypatch, cap
     assert "has no flights" in message and message.count("\n") == 1
 
 
-def test_a_ship_that_is_no_longer_the_same_is_not_drawn(sisters):
+def test_ship_changed_since_the_sweep_is_not_drawn(sisters):
     attributes = attributes_of(sisters)
     changed = attributes | {"mesh_digests": attributes["mesh_digests"] | {"roberts": "0"}}
     with pytest.raises(ValueError, match="roberts has changed since"):
@@ -84,7 +84,7 @@ CHOICES = {
 
 
 @pytest.mark.parametrize("chosen", CHOICES.values(), ids=CHOICES)
-def test_the_last_correction_drawn_is_the_image_stored(chosen, tmp_path):
+def test_last_drawn_correction_equals_the_stored_image(chosen, tmp_path):
     """For all choices of corrections, chains and inputs, the pixels and their places are equal."""
     overrides = [item for item in FLIGHTS if not item.startswith("grid.")]
     path, ship = tmp_path / "s.zarr", ("grid.ship=roberts", "grid.aspect=175")
@@ -120,7 +120,7 @@ def flown(cnr=20.0):
     return mesh, fly(mesh, flight).record(np.random.default_rng(0))
 
 
-def test_stages_are_those_of_the_source_unless_something_is_left_out():
+def test_drawn_stages_omit_corrections_that_are_off():
     def titles(**chosen):
         return list(correction_stages(*flown(), Chain(**chosen)))[1:-1]
 

@@ -31,7 +31,7 @@ def shares(*values, **axes):
     return table
 
 
-def test_it_is_along_the_axis_that_was_swept(tmp_path):
+def test_headline_gives_both_ends_of_the_swept_axis(tmp_path):
     table = scores(cnr=[23.0, 26.0, 32.0], frame_count=[4, 16], range=100.0)
     attrs = {"configuration": GIVEN, "swept": ["cnr"]}
     text = sentence(tmp_path, attrs, tables__acn=displayed(table))
@@ -71,7 +71,7 @@ def test_the_best_has_the_highest_mean_over_shared_values(correlation, acn, best
     assert ("Ranked by " in text) == bool(ranked) and ranked in text
 
 
-def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
+def test_score_whose_interval_contains_chance_is_not_significant(tmp_path):
     table = displayed(shares(0.3, 0.6, cnr=[23.0, 32.0]))
     text = sentence(tmp_path, {"swept": ["cnr"]}, tables__acn=table)
     first = "30 % [20–40] of ships at CNR 23 dB, not significantly better than chance"
@@ -79,7 +79,7 @@ def test_a_score_whose_interval_holds_chance_is_no_better(tmp_path):
     assert text.count("not significantly better than chance") == 1
 
 
-def test_an_axis_that_the_best_does_not_depend_on_is_not_named(tmp_path):
+def test_headline_omits_axes_that_the_best_classifier_lacks(tmp_path):
     best = shares(0.9, frame_count=[16])
     other = shares(0.4, 0.6, votes=[1, 5])
     tables = {"tables__likelihood": displayed(best, "likelihood"), "tables__acn": displayed(other)}
@@ -87,7 +87,7 @@ def test_an_axis_that_the_best_does_not_depend_on_is_not_named(tmp_path):
     assert "maximum likelihood" in text and "votes" not in text and "–;" not in text
 
 
-def test_few_answers_are_said_and_unknown_ships_do_not_count(tmp_path):
+def test_headline_warns_of_few_answers_and_excludes_unknown_ships(tmp_path):
     few = shares(0.9, frame_count=[16])
     few.n[:] = 8
     attrs = {
@@ -100,7 +100,7 @@ def test_few_answers_are_said_and_unknown_ships_do_not_count(tmp_path):
     assert "of one ship" in text and re.search(r"Few answers \(n = 8\)", text)
 
 
-def test_of_other_percentages_the_best_row_is_named(tmp_path):
+def test_headline_names_the_best_row_of_other_percentages(tmp_path):
     share = xr.DataArray([[0.2, 0.6], [0.9, 0.1], [0.3, 0.5]], dims=("tree", "split"))
     table = xr.Dataset(
         {"share": share}, {"tree": ["ash", "elm", "oak"], "split": ["a-gap", "aspect-random"]}
@@ -125,7 +125,7 @@ def test_of_other_percentages_the_best_row_is_named(tmp_path):
         ([0.5, np.inf, 0.4], "Cumulant falls from 0.50 at 1.5 to 0.40 at 3.0 J/k, size 8."),
     ],
 )
-def test_any_experiment_has_words(values, said, tmp_path):
+def test_headline_describes_any_experiment(values, said, tmp_path):
     figures = xr.DataArray([values, np.zeros(3)], dims=("size", "temperature"))
     coords = {"size": [8, 16], "temperature": [1.5, 2.0, 3.0]}
     table = xr.Dataset({"cumulant": figures}, coords)
@@ -134,9 +134,7 @@ def test_any_experiment_has_words(values, said, tmp_path):
     assert text.startswith(said)
 
 
-def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
-    tmp_path, smoke_store, sisters
-):
+def test_headline_gives_units_and_names_unitless_axes(tmp_path, smoke_store, sisters):
     table = xr.Dataset({"height": ("ripeness", [1.0, 4.0])}, {"ripeness": [1.0, 2.0]})
     table.height.attrs["units"] = "m"
     text = sentence(tmp_path, {"swept": ["ripeness"]}, tables__apples=table)
@@ -159,7 +157,7 @@ def test_units_stand_beside_figures_and_the_axis_is_named_without_one(
     ],
     ids=["more values", "more values of the second", "one classifier", "of both classifiers"],
 )
-def test_curves_run_along_the_axis_with_the_most_steps(tmp_path, acn, others, axis):
+def test_main_axis_has_the_most_steps_of_all_classifiers(tmp_path, acn, others, axis):
     tables = {"tables__acn": displayed(scores(0, **acn))}
     if others:
         tables["tables__likelihood"] = displayed(scores(1, **others), "likelihood")

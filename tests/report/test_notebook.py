@@ -22,7 +22,7 @@ def document(made):
     return parsed(html.unescape(source))
 
 
-def test_it_has_the_rows_and_scales_of_the_page(tmp_path):
+def test_notebook_chart_has_the_rows_and_scales_of_the_page(tmp_path):
     path = stored(tmp_path / "s.zarr", {"swept": ["cnr"]}, tables__acn=displayed(scores(**AXES)))
     ds = xr.open_zarr(path, group="tables/acn")
     in_notebook = document(chart(ds, x="cnr", y="accuracy", colour="range"))
@@ -37,7 +37,7 @@ def test_it_has_the_rows_and_scales_of_the_page(tmp_path):
     assert in_notebook.root.only("meta", http_equiv="Content-Security-Policy")
 
 
-def test_a_table_without_a_display_and_a_selection_have_a_chart():
+def test_chart_accepts_undeclared_tables_and_selections():
     table = xr.Dataset(
         {"height": (("age", "tree"), np.eye(2))}, {"age": [1, 2], "tree": ["a", "<b>"]}
     )
@@ -58,7 +58,7 @@ def test_a_table_without_a_display_and_a_selection_have_a_chart():
         ({"x": "cnr", "colour": "cnr"}, "colour is 'cnr', but must differ from x"),
     ],
 )
-def test_other_arguments_are_refused(arguments, said):
+def test_chart_refuses_invalid_arguments(arguments, said):
     with pytest.raises(ValueError, match=f"^{re.escape(said)}"):
         chart(displayed(scores(**AXES)), **arguments)
 

@@ -62,7 +62,7 @@ def files(store):
 
 
 @pytest.mark.parametrize("screen", ["full", "pipe", "closed"])
-def test_a_screen_that_takes_nothing_costs_nothing(screen, store, monkeypatch, capsys):
+def test_tables_are_written_even_if_stdout_is_unwritable(screen, store, monkeypatch, capsys):
     reader, writer = os.pipe()
     os.close(reader)
     device = os.open("/dev/full", os.O_WRONLY) if screen == "full" else writer
@@ -93,7 +93,7 @@ def test_an_ascii_screen_has_every_figure(store, monkeypatch):
 HOSTILE = ["=HYPERLINK(1)", "+cmd", "@x", "-x", "\tx", "\rx", "[red]y", "\x1b[31mz", "-5", "+1e3"]
 
 
-def test_words_of_a_store_are_neutral_in_files_and_on_the_screen(tmp_path):
+def test_hostile_strings_are_escaped_in_csv_and_terminal(tmp_path):
     path = made(tmp_path / "s.zarr", word=np.array(HOSTILE, dtype=object).tolist())
     console = Console(file=io.StringIO(), width=300)
     report(path, console)
@@ -111,12 +111,12 @@ def test_words_of_a_store_are_neutral_in_files_and_on_the_screen(tmp_path):
 
 
 @pytest.mark.parametrize("value", ["-5", "+1e3", "-0.5", "x=1", "", " ", 5, -5.0, None, True])
-def test_numbers_and_other_words_stay(value):
+def test_neutralise_formula_keeps_harmless_values(value):
     assert neutralise_formula(value) is value
 
 
 @pytest.mark.parametrize("what", ["no store", "a file", "empty"])
-def test_what_is_no_store_is_refused_in_one_sentence(what, tmp_path, monkeypatch, capsys):
+def test_invalid_store_gives_a_one_line_error(what, tmp_path, monkeypatch, capsys):
     path = tmp_path / "other.zarr"
     if what == "a file":
         path.write_text("{}")
@@ -129,7 +129,7 @@ def test_what_is_no_store_is_refused_in_one_sentence(what, tmp_path, monkeypatch
     assert cause in message and not tables_folder(path).exists()
 
 
-def test_tables_that_cannot_be_written_are_printed_all_the_same(store, monkeypatch, capsys):
+def test_tables_are_printed_even_if_writing_fails(store, monkeypatch, capsys):
     def full(path, content):
         raise OSError("no more room")
 
@@ -163,7 +163,7 @@ def everything(folder):
 
 @pytest.mark.parametrize("through", ["itself", "link"])
 @pytest.mark.parametrize("what", THEIRS)
-def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, monkeypatch, capsys):
+def test_report_never_overwrites_user_files(what, through, store, tmp_path, monkeypatch, capsys):
     user_files, reported_file = THEIRS[what]
     for name, text in user_files.items():
         path = tmp_path / name
@@ -190,7 +190,7 @@ def test_what_the_report_did_not_write_stays(what, through, store, tmp_path, mon
     assert written == expected - set(user_files) - gone
 
 
-def test_changed_tables_and_pages_stay(store, monkeypatch, capsys):
+def test_edited_tables_and_pages_are_kept(store, monkeypatch, capsys):
     assert reported(monkeypatch, "--html", store) == 0
     page = page_file(store)
     before = page.read_bytes()
@@ -205,7 +205,7 @@ def test_changed_tables_and_pages_stay(store, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("step", [1, 2, 3])
-def test_an_interrupt_between_list_and_file_leaves_an_own_file(tmp_path, monkeypatch, step):
+def test_interrupted_write_keeps_ownership_of_the_file(tmp_path, monkeypatch, step):
     folder = tmp_path / "s-tables"
     write(folder, "scores")
     written, put = [], outputs.write_atomically
@@ -230,7 +230,7 @@ def put_each(folder, names):
         outputs.write_own_files(folder, {name: name.encode()})
 
 
-def test_reports_at_once_list_the_files_of_both(tmp_path):
+def test_concurrent_reports_list_the_files_of_both(tmp_path):
     names = [[f"{process}-{k}.csv" for k in range(100)] for process in range(2)]
     context = get_context("fork")
     processes = [context.Process(target=put_each, args=(tmp_path, group)) for group in names]
@@ -244,7 +244,7 @@ def test_reports_at_once_list_the_files_of_both(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {LIST_NAME, *names[0], *names[1]}
 
 
-def test_others_never_write_what_the_report_wrote(store, monkeypatch, umask):
+def test_report_files_are_writable_by_the_owner_only(store, monkeypatch, umask):
     umask(0)
     assert reported(monkeypatch, "--html", store) == 0
     folder = tables_folder(store)
@@ -261,7 +261,7 @@ DAMAGES = [  # of a file: its name, what it is replaced by, and the options that
 
 
 @pytest.mark.parametrize(("name", "content", "refused"), DAMAGES, ids=str)
-def test_a_report_is_made_of_whole_files_only(name, content, refused, store, monkeypatch, capsys):
+def test_report_refuses_damaged_store_files(name, content, refused, store, monkeypatch, capsys):
     """Files that the tables do not need are verified for the page alone."""
     scores(a=[1, 2]).to_zarr(store, group="range_profile", mode="a", consolidated=False)
     signed(store)
@@ -286,7 +286,7 @@ def test_every_store_has_a_folder_of_its_own(tmp_path):
     assert all(folder.parent == tmp_path for folder in folders)
 
 
-def test_files_of_tables_that_a_new_sweep_lacks_go_and_what_others_wrote_stays(tmp_path):
+def test_obsolete_tables_are_removed_but_user_files_are_kept(tmp_path):
     folder = tmp_path / "s-tables"
     write(folder, "scores", "pears", "plums", "figs")
     (folder / "theirs.csv").write_text("kept")
@@ -300,7 +300,7 @@ def test_files_of_tables_that_a_new_sweep_lacks_go_and_what_others_wrote_stays(t
 
 
 @pytest.mark.parametrize("listed", [b"\xff", b"0  ../theirs.csv\n", b"x", b"0  theirs.csv\n"])
-def test_a_list_of_files_that_is_damaged_costs_no_file(listed, tmp_path):
+def test_damaged_file_list_deletes_nothing(listed, tmp_path):
     folder = tmp_path / "s-tables"
     folder.mkdir()
     for path in (folder / "theirs.csv", tmp_path / "theirs.csv"):

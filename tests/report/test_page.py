@@ -31,7 +31,7 @@ def states(*given):
     return xr.Dataset({"extent": ("ship", np.array(given, dtype="i1"))})
 
 
-def test_every_table_is_there_with_the_figures_of_its_frame(smoke, smoke_store):
+def test_page_has_every_table_with_the_values_of_its_frame(smoke, smoke_store):
     for name, table in read_frames(smoke_store).items():
         section, figure = smoke.root.only("section", id=f"table-{name}"), table.figures[0]
         cells = [td for td in section.all("td") if td.attrs.get("data-f") == figure]
@@ -42,7 +42,7 @@ def test_every_table_is_there_with_the_figures_of_its_frame(smoke, smoke_store):
             assert cell.text.split()[0] == text, name
 
 
-def test_the_first_rows_are_at_one_setting_without_a_script(smoke, smoke_store):
+def test_page_shows_rows_of_one_setting_without_a_script(smoke, smoke_store):
     table = read_frames(smoke_store)["scores"]
     section = smoke.root.only("section", id="table-scores")
     shown_rows = [row for row in section.all("tr") if "hidden" not in row.attrs and row.all("td")]
@@ -56,7 +56,7 @@ def test_the_first_rows_are_at_one_setting_without_a_script(smoke, smoke_store):
     assert {"acn", "mnn", "correlation", "likelihood", "fusion"} <= set(rows.classifier)
 
 
-def test_python_below_a_table_gives_its_rows(smoke, smoke_store, monkeypatch):
+def test_python_snippet_below_a_table_returns_its_rows(smoke, smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
     for name in ("scores", "categories"):
         section = smoke.root.only("section", id=f"table-{name}")
@@ -74,7 +74,7 @@ def test_python_below_a_table_gives_its_rows(smoke, smoke_store, monkeypatch):
         ((0, 0, 0), "failed", "0 of 3 results done, 3 failed"),
     ],
 )
-def test_a_sweep_that_is_not_complete_says_so_first(given, word, said, tmp_path):
+def test_page_of_an_incomplete_sweep_begins_with_an_alert(given, word, said, tmp_path):
     why = {"extent ship=duncan": "ValueError: <no> mesh"} if 0 in given else {}
     attributes = {"configuration": {}, "title": "T", "failures": why}
     path = stored(
@@ -137,7 +137,7 @@ HOSTILE = [
 ]
 
 
-def test_whatever_a_store_says_is_text(tmp_path):
+def test_page_escapes_all_strings_of_a_store(tmp_path):
     path = tmp_path / '"><img src=x onerror=alert(1)>\x1b[31m{{ 7*7 }}.zarr'
     count = len(HOSTILE)
     predictions = xr.Dataset(
@@ -174,13 +174,13 @@ def test_whatever_a_store_says_is_text(tmp_path):
     assert set(words) == {word.replace("\x1b", "\\x1b") for word in HOSTILE}
 
 
-def test_numbers_that_are_not_finite_are_none_of_the_script(tmp_path):
+def test_non_finite_numbers_become_null_in_page_data(tmp_path):
     table = xr.Dataset({"height": ("size", [1.0, np.inf, np.nan])}, {"size": [1.0, 2.0, 3.0]})
     page = parsed(page_of(stored(tmp_path / "s.zarr", tables__o=table)))
     assert page.data["tables"]["o"]["rows"]["height"] == [1.0, None, None]
 
 
-def test_only_positive_numbers_of_a_large_ratio_have_a_logarithmic_axis():
+def test_log_scale_needs_positive_values_of_large_ratio():
     logarithmic = [
         scale_of(ends, 6) == {"type": "log"} for ends in ([1, 7], [1, 6], [0, 7], [-1, 7])
     ]
@@ -188,7 +188,7 @@ def test_only_positive_numbers_of_a_large_ratio_have_a_logarithmic_axis():
 
 
 @pytest.mark.parametrize(("format", "unit", "whole"), [(".1%", "", 1), (".0f", "%", 100)])
-def test_shares_have_a_linear_scale_up_to_the_whole(format, unit, whole):
+def test_fractions_and_percentages_have_a_linear_scale(format, unit, whole):
     column = Column("share", "share", "share", unit, role="figure", format=format)
     rows = pd.DataFrame({"share": [0.001 * whole, 1.0 * whole]})
     scale = figure_of(Frame("x", "X", rows, {"share": column}), "share")["y"]["scale"]
@@ -208,9 +208,7 @@ ISING = xr.Dataset(
         (ISING, "temperature", "size"),
     ],
 )
-def test_the_axis_of_the_headline_is_along_the_chart_and_the_next_colours(
-    table, along, colour, tmp_path
-):
+def test_chart_has_the_headline_axis_as_x_axis(table, along, colour, tmp_path):
     attributes = {
         "configuration": {},
         "title": "T",
@@ -230,7 +228,7 @@ def test_the_axis_of_the_headline_is_along_the_chart_and_the_next_colours(
         ([25.0, 50.0, 100.0], "quantitative"),
     ],
 )
-def test_lines_join_numbers_and_bins_but_not_words(values, kind):
+def test_axis_type_is_nominal_for_words_only(values, kind):
     column = Column("axis", "axis", "axis")
     rows = pd.DataFrame({"axis": values})
     assert axis_of(column, Frame("x", "X", rows, {"axis": column}))["type"] == kind
@@ -240,7 +238,7 @@ def all_of(element):
     return [element, *(descendant for child in element.children for descendant in all_of(child))]
 
 
-def test_the_policy_allows_its_own_style_and_script_alone(smoke):
+def test_content_security_policy_allows_only_own_style_and_script(smoke):
     (policy,) = [
         meta.attrs["content"]
         for meta in smoke.root.all("meta")
@@ -259,7 +257,7 @@ def test_the_policy_allows_its_own_style_and_script_alone(smoke):
     assert not any("style" in element.attrs for element in all_of(smoke.root))
 
 
-def test_nothing_of_the_page_is_elsewhere(smoke):
+def test_page_is_self_contained(smoke):
     assert len(smoke.written.encode()) < LARGEST
     for element in all_of(smoke.root):
         for key in ("src", "href", "action", "srcset", "data"):
@@ -283,7 +281,7 @@ def contrast(first, second):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_and_curves_stand_out(scheme):
+def test_text_and_curves_meet_wcag_contrast(scheme):
     """Contrast is at least 4.5 for text (WCAG 2.2, 1.4.3) and 3 for curves (1.4.11)."""
     style = files("sweeps.report.page").joinpath("templates/page.css").read_text(encoding="utf-8")
     blocks = re.findall(r":root \{(.*?)\}", style, re.DOTALL)

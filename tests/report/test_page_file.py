@@ -24,7 +24,7 @@ from sweeps.report.summary import tables_of
 from sweeps.report.timings import read_timings, write_timings
 
 
-def test_a_page_is_written_whole_or_not_at_all(tmp_path, monkeypatch, capsys):
+def test_page_is_written_atomically(tmp_path, monkeypatch, capsys):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     assert reported(monkeypatch, "--html", path) == 0
     before = page_file(path).read_bytes()
@@ -62,7 +62,7 @@ def test_a_page_is_written_again_when_the_store_or_the_report_changes(tmp_path, 
         assert not write.is_current(path)
 
 
-def test_a_store_that_cannot_be_read_now_is_still_a_store(tmp_path, monkeypatch, capsys):
+def test_read_error_is_not_reported_as_an_invalid_store(tmp_path, monkeypatch, capsys):
     path, get = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2])), Objects.get
 
     def short(objects, wanted):
@@ -76,7 +76,7 @@ def test_a_store_that_cannot_be_read_now_is_still_a_store(tmp_path, monkeypatch,
     assert capsys.readouterr().err == sentence
 
 
-def test_work_is_kept_beside_the_tables_and_shown(tmp_path):
+def test_run_times_are_stored_and_shown_on_the_page(tmp_path):
     path = stored(tmp_path / "s.zarr", tables__o=scores(a=[1, 2]))
     assert read_timings(path) is None
     write_timings(

@@ -147,12 +147,12 @@ def downloaded(page, button):
     return Path(download.value.path()).read_text(encoding="utf-8")
 
 
-def test_the_page_of_the_smoke_experiment_is_short_until_it_is_unfolded(smoke_page):
+def test_smoke_page_is_short_until_expanded(smoke_page):
     height, words = smoke_page.start
     assert height <= 5000 and words <= 700
 
 
-def test_selectors_and_the_address_change_what_is_shown(smoke_page, smoke_store, file):
+def test_selectors_and_url_set_the_selection(smoke_page, smoke_store, file):
     frame = read_frames(smoke_store)["scores"]
     for width, count in (("10", "4"), ("50", "16")):
         choose(smoke_page, "pulse_width_ns", width)
@@ -180,7 +180,7 @@ def test_selectors_and_the_address_change_what_is_shown(smoke_page, smoke_store,
     assert smoke_page.locator("#against").input_value() == "vigilance"
 
 
-def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_store, file):
+def test_headline_of_a_selection_matches_the_command(browser, smoke_store, file):
     """The script describes a selection as the command describes a store of it alone."""
     frames, attrs = read_frames(smoke_store), attributes(open_store(smoke_store))
     scores = frames["scores"]
@@ -211,7 +211,7 @@ def test_the_headline_follows_the_selection_in_the_same_words(browser, smoke_sto
     page.close()
 
 
-def test_the_headline_ranks_by_values_that_all_have(browser, tmp_path):
+def test_headline_ranks_by_values_common_to_all_classifiers(browser, tmp_path):
     """One of two classifiers failed at one CNR; the page opens with the command's sentence."""
     datasets = [scores(seed, cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0]) for seed in (3, 4)]
     datasets[1] = datasets[1].where(datasets[1].cnr != 20.0)
@@ -232,7 +232,7 @@ def without_settings(sentence):
     return re.sub(r" \([a-z].*?\)", "", sentence)
 
 
-def test_charts_are_drawn_of_the_selection_and_saved(smoke_page, smoke_store):
+def test_charts_show_the_selection_and_download_as_svg(smoke_page, smoke_store):
     smoke_page.select_option("#against", "frame_count")
     smoke_page.locator('#table-scores[data-axis="frame_count"]').wait_for()
     frame = read_frames(smoke_store)["scores"]
@@ -242,7 +242,7 @@ def test_charts_are_drawn_of_the_selection_and_saved(smoke_page, smoke_store):
         assert smoke_page.locator(f"#table-{section} figure.{kind} svg").is_visible()
 
 
-def test_the_axis_along_the_chart_is_selected_below_it_alone(smoke_page):
+def test_x_axis_values_are_selected_only_below_the_chart(smoke_page):
     for axis in ("pulse_width_ns", "frame_count"):
         smoke_page.select_option("#against", axis)
         assert smoke_page.locator(f'.bar select[data-axis="{axis}"]').count() == 0
@@ -250,7 +250,7 @@ def test_the_axis_along_the_chart_is_selected_below_it_alone(smoke_page):
     assert smoke_page.locator('.bar select[data-axis="pulse_width_ns"]').is_visible()
 
 
-def test_csv_has_the_rows_and_columns_that_are_seen_or_all(smoke_page, smoke_store):
+def test_csv_download_has_visible_or_all_rows(smoke_page, smoke_store):
     frame = read_frames(smoke_store)["scores"]
     heads, *lines = csv.reader(downloaded(smoke_page, "#table-scores button.seen").splitlines())
     rows = shown_rows(smoke_page, "scores")
@@ -306,19 +306,19 @@ def test_a_classifier_without_the_axis_is_a_horizontal_line(both):
     assert len(flat) == 1 and flat[0].count("L") == 3
 
 
-def test_a_name_in_the_legend_shows_its_curve_alone(both):
+def test_clicking_a_legend_entry_highlights_its_curve(both):
     marks(both, "chart", "text").nth(1).click()
     faint = [line.get_attribute("opacity") for line in marks(both, "chart", "line").all()]
     assert [float(opacity or 1) < 0.5 for opacity in faint] == [True, False, True]
 
 
-def test_a_figure_that_depends_on_no_axis_is_a_table_without_a_chart(both):
+def test_scalar_figure_has_a_table_but_no_chart(both):
     section = both.locator("#table-constant")
     assert section.locator("details.rows").get_attribute("open") is not None
     assert section.locator("svg").count() == 0 and section.locator("td:visible").count() == 1
 
 
-def test_cells_say_how_to_reproduce_them_by_keyboard(smoke_page, smoke_store, monkeypatch):
+def test_focused_cell_shows_code_that_reproduces_it(smoke_page, smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
     smoke_page.locator("#table-scores td[tabindex]").first.focus()
     for key in ("ArrowRight", "ArrowDown"):
@@ -329,7 +329,7 @@ def test_cells_say_how_to_reproduce_them_by_keyboard(smoke_page, smoke_store, mo
     assert smoke_page.locator("#where button").is_visible()
 
 
-def test_markers_say_their_values_and_how_to_reproduce_them(both, two_axes, monkeypatch):
+def test_hovered_marker_shows_its_value_and_code(both, two_axes, monkeypatch):
     monkeypatch.chdir(two_axes.parent)
     for kind, mark in (("chart", "symbol"), ("aspect", "symbol"), ("heat", "rect")):
         marks(both, kind, mark).nth(2).hover(force=True)
@@ -347,7 +347,7 @@ CUT = """[...document.querySelectorAll("body *")].filter((node) => {
 
 
 @pytest.mark.parametrize(("size", "scheme"), [(PHONE, "light"), (DESK, "dark")])
-def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
+def test_page_fits_the_screen_width(size, scheme, browser, file):
     page = new_page(browser, viewport=size, color_scheme=scheme)
     page.goto(file.as_uri())
     page.eval_on_selector_all("details", "all => all.forEach(node => { node.open = true; })")
@@ -358,7 +358,7 @@ def test_no_page_is_wider_than_its_screen(size, scheme, browser, file):
     page.close()
 
 
-def test_what_is_closed_is_printed(smoke_page):
+def test_collapsed_sections_are_expanded_for_printing(smoke_page):
     closed = "document.querySelectorAll('details:not([open], .code)').length"
     before = smoke_page.evaluate(closed)
     smoke_page.evaluate("dispatchEvent(new Event('beforeprint'))")
@@ -367,7 +367,7 @@ def test_what_is_closed_is_printed(smoke_page):
     assert smoke_page.evaluate(closed) == before
 
 
-def test_it_reads_without_its_script(browser, file):
+def test_page_is_readable_without_javascript(browser, file):
     context = browser.new_context(java_script_enabled=False, viewport=PHONE)
     page = new_page(context)
     page.goto(file.as_uri())
@@ -394,7 +394,7 @@ def test_differences_of_stores_have_a_line_at_zero(browser, tmp_path):
         assert abs(none) < 1 and gain < -10 and loss == pytest.approx(-3 * gain, abs=2)
 
 
-def test_a_chart_of_a_notebook_is_drawn_and_changes_with_its_selectors(browser, tmp_path):
+def test_notebook_chart_follows_its_selectors(browser, tmp_path):
     table = displayed(scores(cnr=[5.0, 10.0, 20.0], range=[25.0, 50.0], votes=[1, 3]))
     notebook_chart = chart(table, x="cnr", colour="range")
     (tmp_path / "cell.html").write_text(notebook_chart._repr_html_(), encoding="utf-8")

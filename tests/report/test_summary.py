@@ -39,7 +39,7 @@ def table_of(text):
     return above.splitlines(), [line.split() for line in below.split("\n\n")[0].splitlines()]
 
 
-def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypatch):
+def test_summary_has_a_headline_one_table_and_output_paths(smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
     text = page(smoke_store)
     lines = text.splitlines()
@@ -52,7 +52,7 @@ def test_it_is_a_headline_one_table_and_where_the_rest_is(smoke_store, monkeypat
     assert {"store   sweep.zarr", "page    sweep-report.html"} <= set(lines)
 
 
-def test_classifiers_are_columns_the_best_first(smoke_store):
+def test_classifier_columns_are_sorted_best_first(smoke_store):
     _, rows = table_of(page(smoke_store))
     widths = [row for row in rows if row[0] in ("10", "30", "50")]
     assert [row[0] for row in widths] == ["10", "30", "50"]
@@ -77,7 +77,7 @@ def test_many_values_are_thinned_evenly_with_both_ends(count, tmp_path):
 
 
 @pytest.mark.parametrize("count", [1, 3, 20])
-def test_the_table_fits_whatever_the_number_of_classifiers(count, tmp_path):
+def test_table_fits_for_any_number_of_classifiers(count, tmp_path):
     tables = {
         f"tables__c{k}": displayed(scores(k, cnr=[23.0, 26.0]), f"classifier number {k}")
         for k in range(count)
@@ -93,7 +93,7 @@ def power(base, exponent):
     return float(base**exponent)
 
 
-def test_a_function_over_a_grid_has_words_and_a_table(tmp_path):
+def test_swept_function_has_a_headline_and_a_table(tmp_path):
     values = {"base": [2, 3], "exponent": [1, 2, 3]}
     sweep(power, values, store=tmp_path / "p.zarr", cache=tmp_path / "cache", cluster="inline")
     text = page(tmp_path / "p.zarr")
@@ -106,7 +106,7 @@ def test_a_function_over_a_grid_has_words_and_a_table(tmp_path):
     ]
 
 
-def test_settings_that_run_together_are_one_axis(tmp_path):
+def test_zipped_settings_form_one_axis(tmp_path):
     """It has their labels, or the first setting's distinct values; a note lists the others."""
     cases = {"base": ("case", [2, 3, 4]), "exponent": ("case", [10, 5, 7])}
     for name, labels in (("labelled", {"case": ["a", "b", "c"]}), ("plain", {})):
@@ -123,7 +123,7 @@ def test_settings_that_run_together_are_one_axis(tmp_path):
     assert {"base", "exponent", "power"} <= set(columns)  # the file has all three
 
 
-def test_zipped_settings_have_a_curve(tmp_path):
+def test_headline_and_notes_describe_zipped_settings(tmp_path):
     table = scores(pulse_width=[10.0, 30.0]).rename(pulse_width="pulse_width_cnr")
     labels = ["pulse_width=10,cnr=26", "pulse_width=30,cnr=32"]
     table = table.assign_coords(
@@ -137,13 +137,13 @@ def test_zipped_settings_have_a_curve(tmp_path):
     assert "Pulse width 10 ns: CNR 26 dB; pulse width 30 ns: CNR 32 dB." in text
 
 
-def test_a_table_across_states_the_unit_of_its_figure(tmp_path):
+def test_pivot_table_states_the_unit_of_its_figure(tmp_path):
     values, units = {"base": [2, 3], "exponent": [1, 2]}, {"power": {"units": "W"}}
     sweep(power, values, store=tmp_path / "p.zarr", cache=tmp_path / "cache", attrs=units)
     assert "\nPower [W]\n" in page(tmp_path / "p.zarr")
 
 
-def test_the_headline_is_of_results_that_exist(tmp_path):
+def test_headline_ignores_failed_results(tmp_path):
     def root(base, exponent):
         return math.sqrt(base - 1) ** exponent
 
@@ -153,14 +153,14 @@ def test_the_headline_is_of_results_that_exist(tmp_path):
     assert "Root is 2 at base 5, exponent 1." in page(store)
 
 
-def test_a_partial_store_is_told_from_another_one(tmp_path):
+def test_partial_store_without_tables_is_reported_as_partial(tmp_path):
     partial = {"partial": "3 of 5 cells are missing"}
     path = stored(tmp_path / "s.zarr", partial, profiles=xr.Dataset({"x": ("k", [1.0])}))
     with pytest.raises(ConfigurationError, match="3 of 5 cells are missing; the sweep's command"):
         tables_of(path)
 
 
-def test_without_an_axis_classifiers_stand_down(tmp_path):
+def test_classifiers_are_rows_when_nothing_is_swept(tmp_path):
     tables = {
         f"tables__{name}": displayed(scores(k, frame_count=16), name)
         for k, name in enumerate(("acn", "mnn"))
@@ -170,7 +170,7 @@ def test_without_an_axis_classifiers_stand_down(tmp_path):
     assert int(rows[0][1]) >= int(rows[1][1])
 
 
-def test_the_error_of_profiles_is_said_once_on_screen_and_page(smoke_store):
+def test_profile_error_is_stated_once_in_summary_and_page(smoke_store):
     """It is a percentage of two digits, rounded up, that 95 % of the errors do not exceed."""
     errors = xr.open_zarr(smoke_store, group="range_profile").profile_error
     html = page_file(smoke_store).read_text()
@@ -181,7 +181,7 @@ def test_the_error_of_profiles_is_said_once_on_screen_and_page(smoke_store):
         assert (errors <= float(percent) / 110).mean() < 0.95
 
 
-def test_the_next_commands_would_run(smoke_store, monkeypatch):
+def test_suggested_commands_run(smoke_store, monkeypatch):
     monkeypatch.chdir(smoke_store.parent)
     text = page(smoke_store)
     commands = text[text.index("next    ") :].removeprefix("next    ")

@@ -39,7 +39,7 @@ def frames(smoke_store, sisters):
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])
-def test_no_line_is_wider_and_no_word_is_broken(width, frames):
+def test_tables_fit_the_width_without_breaking_words(width, frames):
     for frame in frames:
         laid, text = lay_out(frame), printed(frame, width)
         assert max(map(cell_len, text.splitlines())) <= width, frame.name
@@ -55,7 +55,7 @@ def test_no_line_is_wider_and_no_word_is_broken(width, frames):
     ),
     width=st.integers(40, 120),
 )
-def test_any_words_fit(words, width):
+def test_arbitrary_labels_fit_the_width(words, width):
     table = scores(word=[f"{k} {word}" for k, word in enumerate(words)], size=[1.0, 2.0])
     text = printed(tidy_frame(table, DISPLAY, "tables/acn"), width)
     assert max(map(cell_len, text.splitlines())) <= width
@@ -68,7 +68,7 @@ def test_the_swept_axis_comes_first():
         assert heading.index(first) < heading.index(second)
 
 
-def test_axes_that_do_not_fit_head_sections_and_repeated_labels_are_blank():
+def test_excess_axes_become_sections_and_repeated_labels_are_blank():
     axes = {"vigilance": [0.9, 0.95], "cnr": [20.0, 30.0], "frame_count": [4, 16]}
     lines = printed(tidy_frame(scores(**axes), DISPLAY, "tables/acn"), 60).splitlines()
     sections = [lines.index(f"vigilance {value}") for value in (0.9, 0.95)]
@@ -83,7 +83,7 @@ def test_rows_that_are_left_out_are_counted():
     assert "4 more rows are in scores.csv" in printed(frame, 120, max_rows=2)
 
 
-def test_chance_and_wide_intervals_have_a_word_why():
+def test_notes_explain_chance_and_wide_intervals():
     table = scores(size=[1.0, 2.0])
     for n in (29, 30):
         table.n[:] = n
@@ -92,7 +92,7 @@ def test_chance_and_wide_intervals_have_a_word_why():
         assert (f"few (minimum n = {n})" in text) == (n < 30)
 
 
-def test_infinity_is_printed_in_the_words_of_its_variable():
+def test_infinity_is_printed_with_the_label_of_its_variable():
     needed = {"frames": [4.0, math.inf, math.inf], "frames_low": [2.0, 90.0, math.inf]}
     needed |= {"frames_high": [9.0, math.inf, math.inf]}
     table = xr.Dataset(

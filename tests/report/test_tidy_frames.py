@@ -34,7 +34,7 @@ def number_at(path, part, column, row):
 
 
 @pytest.mark.parametrize("name", ["smoke_store", "sisters"])
-def test_every_figure_is_the_number_of_the_store_at_its_place(name, request):
+def test_every_frame_value_equals_the_stored_value(name, request):
     path = request.getfixturevalue(name)
     frames, rng = read_frames(path), np.random.default_rng(0)
     assert {"scores"} <= set(frames)
@@ -70,7 +70,7 @@ def test_every_cell_of_a_store_is_a_row(smoke_store):
             assert len(rows) == math.prod(sizes.values()), tidied.name
 
 
-def test_files_have_what_frames_have(smoke_store, tmp_path):
+def test_csv_files_equal_their_frames(smoke_store, tmp_path):
     for table in read_frames(smoke_store).values():
         (tmp_path / "t.csv").write_bytes(csv_of(table))
         copy = pd.read_csv(tmp_path / "t.csv", dtype={"aspect_bin_deg": str}, na_values=[""])
@@ -96,7 +96,7 @@ def test_columns_have_the_labels_and_units_of_outputs_and_settings(smoke_store):
     assert set(of_fusion.channel) == {"range", "infrared", "both"}
 
 
-def test_a_table_of_anyone_needs_no_display(tmp_path):
+def test_undeclared_tables_need_no_display(tmp_path):
     table = xr.Dataset(
         {
             "height": (("ripeness", "weather"), [[1.0, 2.0], [4.0, np.nan]]),
@@ -115,7 +115,7 @@ def test_a_table_of_anyone_needs_no_display(tmp_path):
     assert b"'=rain" in csv_of(tidied)
 
 
-def test_what_is_not_there_is_refused_with_the_names_of_the_others(tmp_path):
+def test_unknown_table_or_store_is_refused(tmp_path):
     path = stored(tmp_path / "s.zarr", tables__acn=displayed(scores(frame_count=[4])))
     with pytest.raises(ConfigurationError, match=r"'speed', but must be one of scores"):
         frame(path, "speed")

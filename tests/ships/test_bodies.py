@@ -156,7 +156,7 @@ def hull(request) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_ship_with_faults_is_the_ship_that_was_meant(kind, hull):
+def test_faulty_mesh_is_repaired_to_intended_volume(kind, hull):
     """Closing an opening may change the volume by 5 %, other repairs only by rounding.
 
     A file has float32, which is 4e-6 m at 70 m, and loose vertices are moved by `LOOSE` of the
@@ -182,7 +182,7 @@ BOXES = st.lists(
 
 @settings(max_examples=100, deadline=None)
 @given(boxes=BOXES)
-def test_bodies_that_touch_in_any_way_are_united(boxes):
+def test_touching_or_overlapping_bodies_are_united(boxes):
     """Bodies may share facets, parts of them, edges or corners, overlap or be the same."""
     cubes, parts = np.zeros((10, 10, 10), dtype=bool), []
     for spans in boxes:
@@ -197,7 +197,7 @@ def test_bodies_that_touch_in_any_way_are_united(boxes):
     share=st.floats(0.001, 0.2),
     at=st.tuples(st.floats(-60, 60), st.sampled_from([-6.0, 6.0]), st.floats(0, 20)),
 )
-def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
+def test_openings_are_closed_up_to_max_area_fraction(share, at):
     """A ball of 5 m without a cap is closed by a plane, which is smaller than the cap."""
     ball = trimesh.creation.icosphere(3, 5.0)
     ball.apply_translation((0, 0, 6))
@@ -215,7 +215,7 @@ def test_an_opening_is_closed_up_to_a_share_of_the_surface(share, at):
     assert ball.volume * (1 - share) < mended.volume < ball.volume
 
 
-def test_what_is_said_of_an_opening():
+def test_opening_message_has_edges_area_and_place():
     """The message has edges, area and place in the file's coordinates, millimetres with y up."""
     box = block((-50, -6, 0), (50, 6, 8))
     gone = (box.triangles[:, :, 0] > 49).all(axis=1)
@@ -236,14 +236,14 @@ def test_larger_openings_are_refused():
     )
 
 
-def test_a_soup_of_facets_is_refused_without_seeking_what_would_close_it():
+def test_triangle_soup_is_refused_without_attempting_repair():
     corners = np.random.default_rng(6).uniform(0, 100, (12_000, 3, 3))
     faces = np.arange(corners.size // 3).reshape(-1, 3)
     message = refused(trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False), repair=True)
     assert "open along 36,000 edges in 12,000 openings" in message
 
 
-def test_a_one_sided_surface_is_refused_with_its_place():
+def test_one_sided_surface_is_refused_with_its_location():
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     out, up = np.cos(turn / 2), np.sin(turn / 2)
     ring = 20 * np.column_stack([np.cos(turn), np.sin(turn), np.zeros(24)])
@@ -258,7 +258,7 @@ def test_a_one_sided_surface_is_refused_with_its_place():
     assert "facets wound both ways at (" in message
 
 
-def test_plates_without_thickness_stay():
+def test_zero_thickness_plates_are_kept():
     """A plate with front and back keeps its area beside a hull; alone it is refused."""
     plate = trimesh.Trimesh([[0, 3, 9], [9, 3, 9], [9, 3, 12], [0, 3, 12]], [[0, 1, 2], [0, 2, 3]])
     plate = together(plate, inverted(plate))
@@ -270,7 +270,7 @@ def test_plates_without_thickness_stay():
     assert not ships.is_symmetric(mended)
 
 
-def test_a_mesh_in_memory_is_refused_for_a_body_inside_out():
+def test_check_closed_refuses_an_inverted_body():
     ship = together(block((-50, -6, 0), (50, 6, 8)), inverted(block((0, -2, 9), (8, 2, 12))))
     with pytest.raises(ships.ShipError, match=r"1 of 2 bodies inside out .*at \(4, 0, 10.5\)"):
         meshes.check_closed(ship, "ship")

@@ -43,7 +43,7 @@ def assert_same(first, second) -> None:
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
-def test_damaged_file_is_built_again(sheet, kept, data) -> None:
+def test_damaged_cache_file_is_rebuilt(sheet, kept, data) -> None:
     """Loading gives the same ship after its cache file is truncated, overwritten or emptied."""
     fresh, path, content = kept
     cut = data.draw(st.integers(0, len(content)))
@@ -54,14 +54,14 @@ def test_damaged_file_is_built_again(sheet, kept, data) -> None:
         assert_same(ships.load(sheet, cache=path.parent), fresh)
 
 
-def test_folders_are_made_for_this_user_alone(sheet, tmp_path, umask) -> None:
+def test_cache_folders_are_private_to_the_user(sheet, tmp_path, umask) -> None:
     umask(0)
     ships.load(sheet, cache=tmp_path / "home" / "kept")
     paths = [tmp_path / "home", *(tmp_path / "home").rglob("*")]
     assert len(paths) >= 3 and not any(stat.S_IMODE(path.stat().st_mode) & 0o077 for path in paths)
 
 
-def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
+def test_concurrent_writers_leave_one_complete_file(sheet, tmp_path) -> None:
     meshes = []
     threads = [
         threading.Thread(target=lambda: meshes.append(ships.load(sheet, cache=tmp_path / "kept")))
@@ -88,7 +88,7 @@ def test_writers_at_once_leave_one_whole_file(sheet, tmp_path) -> None:
         (7, "ship 7 must be one of"),
     ],
 )
-def test_what_is_no_ship_is_refused(value, message) -> None:
+def test_invalid_ship_is_refused(value, message) -> None:
     with pytest.raises(ships.ShipError, match=message) as caught:
         ships.digest(value)
     assert str(caught.value).endswith(".")

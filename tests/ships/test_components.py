@@ -45,7 +45,7 @@ def listed(name: str) -> list[dict]:
 
 
 @pytest.mark.parametrize("name", ships.names())
-def test_components_stand_where_their_lines_say(name) -> None:
+def test_component_positions_match_the_sheet(name) -> None:
     """Compare every copy's place and the component's height with the lines of the file."""
     for line, built in zip(listed(name), pieces(name), strict=True):
         if not {"x", "y", "z"} <= line.keys():
@@ -70,7 +70,7 @@ def test_components_stand_where_their_lines_say(name) -> None:
 
 
 @pytest.mark.parametrize("name", ships.names())
-def test_every_line_keeps_its_provenance(name) -> None:
+def test_every_component_has_provenance_and_uncertainty(name) -> None:
     for line in listed(name):
         assert set(line["src"]) <= set("PMGE+/"), line["name"]
         assert line["unc"] > 0, line["name"]

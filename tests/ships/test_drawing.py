@@ -11,7 +11,7 @@ from ncti import ships
 from ncti.ships.drawing import WIDTH, side_view
 
 
-def test_a_silhouette_has_the_area_and_name_of_its_bodies():
+def test_side_view_has_correct_area_and_title():
     """Test a gate of two posts below a beam, beside a plate."""
     posts = [trimesh.creation.box((1, 1, 4)).apply_translation((x, 0, 2)) for x in (0, 4)]
     beam = trimesh.creation.box((5, 1, 1)).apply_translation((2, 0, 4.5))
@@ -28,7 +28,7 @@ def test_a_silhouette_has_the_area_and_name_of_its_bodies():
 
 
 @pytest.mark.parametrize("view", [ships.describe, ships.load])
-def test_notebooks_show_a_ship_with_its_measures(view):
+def test_repr_html_shows_measures_and_side_view(view):
     description = ships.describe("texas", offset=[0, 0, 3])
     figure = ElementTree.fromstring(view("texas", offset=[0, 0, 3])._repr_html_())
     assert description.measures in "".join(figure.itertext())

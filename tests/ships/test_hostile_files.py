@@ -25,7 +25,7 @@ BOX = trimesh.creation.box((100, 14, 20)).apply_translation((0, 0, 10))
 @pytest.mark.parametrize(
     "name", ["a\nb", "\x1b[31mred", "bell\a", "\u202egnp", "tab\t", " ", "x" * 101, "\x9b2J"]
 )
-def test_name_that_is_no_label_is_refused_and_shown_escaped(name, tmp_path) -> None:
+def test_invalid_ship_names_are_refused_and_escaped(name, tmp_path) -> None:
     path = tmp_path / f"{name}.stl"
     BOX.export(path)
     message = refusal(path)
@@ -35,7 +35,7 @@ def test_name_that_is_no_label_is_refused_and_shown_escaped(name, tmp_path) -> N
         ships.digest(path)
 
 
-def test_message_is_one_short_line_whatever_it_tells() -> None:
+def test_error_message_is_one_short_printable_line() -> None:
     message = str(ships.ShipError("a\n\x1b" + "b" * 10**6 + "."))
     assert message.isprintable()
     assert message.startswith(r"a\n\x1bbbb")
@@ -88,12 +88,12 @@ def bomb(depth: int, *, width: int = 9) -> str:
 
 
 @pytest.mark.parametrize("depth", [9, 40, 200])
-def test_aliases_of_aliases_are_refused(depth) -> None:
+def test_yaml_alias_bombs_are_refused(depth) -> None:
     message = refused_sheet(bomb(depth) + f"\nname: *a{depth - 1}\n")
     assert "with those that its aliases stand for, but may be at most 50000" in message
 
 
-def test_value_that_holds_itself_is_refused() -> None:
+def test_self_referencing_yaml_is_refused() -> None:
     assert "'*a' holds itself, but no value may" in refused_sheet("a: &a [1, {b: *a}]")
 
 
@@ -119,7 +119,7 @@ def test_value_that_holds_itself_is_refused() -> None:
         ("name: a\nnote: [0, {1: 1, 1: 2}]", "1 is given twice (line "),
     ],
 )
-def test_text_that_costs_too_much_or_says_nothing_is_refused(text, told) -> None:
+def test_oversized_or_invalid_yaml_is_refused(text, told) -> None:
     if "name" in text:
         rest = {k: v for k, v in barge().items() if k != "name"}
         text = yaml.safe_dump(rest) + text
@@ -127,7 +127,7 @@ def test_text_that_costs_too_much_or_says_nothing_is_refused(text, told) -> None
 
 
 @pytest.mark.parametrize("text", ["\x1b[31m\nred", "x" * 5000])
-def test_wild_names_and_keys_are_escaped_and_cut(text) -> None:
+def test_hostile_names_and_keys_are_escaped_and_truncated(text) -> None:
     for change in ({"name": text, "l": -1}, {text: 1}, {"prim": text}, {"prim": [text] * 50}):
         document = barge()
         document["components"][0].update(change)
@@ -138,7 +138,7 @@ def test_wild_names_and_keys_are_escaped_and_cut(text) -> None:
 
 @settings(deadline=None, max_examples=80)
 @given(st.text(st.sampled_from(" \n-:[]{},&*ab1'\"!<?|>%#~"), max_size=60))
-def test_any_text_is_read_as_yaml_does_or_refused(text) -> None:
+def test_any_text_parses_like_pyyaml_or_is_refused(text) -> None:
     try:
         ours = documents.read("here", text)
     except ships.ShipError as error:

@@ -46,7 +46,7 @@ def wigley(length=100.0, beam=13.0, draught=4.5, freeboard=6.0) -> trimesh.Trime
     scale=st.floats(0.2, 3.0),
     place=st.tuples(*[st.floats(-300, 300)] * 3),
 )
-def test_any_transform_is_undone(name, turn, scale, place):
+def test_suggested_transform_undoes_any_transform(name, turn, scale, place):
     """Ships of any size, turned and shifted, have no findings after the proposed transform."""
     mesh = ships.load(name)
     vertices, faces = mesh.vertices * scale, np.array(mesh.faces)
@@ -78,7 +78,7 @@ def test_a_hull_on_its_keel_is_lowered_by_a_draught():
     assert diagnose(upside_down, faces).findings[0] == "is upside down"
 
 
-def test_a_file_is_loaded_by_the_proposed_transform(tmp_path):
+def test_suggested_transform_corrects_a_loaded_file(tmp_path):
     """The file is in millimetres, lies on its side, and has its origin at the stern."""
     mesh, path = ships.load("duncan"), tmp_path / "hull.stl"
     wrong = ships.Transform(up="y", forward="-z", scale=0.001, offset=(-67.0, 0.0, -9.0))
@@ -97,7 +97,7 @@ def test_a_file_is_loaded_by_the_proposed_transform(tmp_path):
     assert ships.digest(path, scale=0.001, **keys) != ships.digest(path, scale=0.001)
 
 
-def test_a_ship_under_water_is_refused_with_what_would_lift_it(tmp_path):
+def test_submerged_ship_is_refused_with_suggested_fix(tmp_path):
     mesh, path = ships.load("duncan"), tmp_path / "hull.stl"
     trimesh.Trimesh(mesh.vertices * [1, -1, -1], mesh.faces, process=False).export(path)
     with pytest.raises(ships.ShipError, match=r"under water and is upside down.*\{up: -z\} would"):
@@ -132,7 +132,7 @@ STANCES = [  # a mesh, how far it is lifted, and the message about that
 
 
 @pytest.mark.parametrize(("mesh", "lift", "said"), STANCES)
-def test_what_is_said_of_a_mesh_is_true_of_it_as_given(mesh, lift, said):
+def test_findings_describe_the_mesh_as_given(mesh, lift, said):
     given_ = mesh.vertices + np.array([0, 0, lift])
     diagnosis = diagnose(given_, mesh.faces)
     assert sorted(diagnosis.findings) == sorted(said)

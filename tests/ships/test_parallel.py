@@ -24,7 +24,7 @@ def build(tmp_path, monkeypatch):
     return build
 
 
-def test_ships_are_built_in_other_processes_as_in_this_one(build):
+def test_parallel_builds_equal_serial_builds(build):
     alone, counts = build(NAMES, processes=1)
     assert counts == [1, 2, 3]
     shared, counts = build(NAMES, processes=3)
@@ -44,7 +44,7 @@ def test_ships_that_cannot_be_built_are_left_out(build, tmp_path):
 
 
 @pytest.mark.parametrize("executable", ["/nowhere/python", "/bin/false"])
-def test_processes_that_fail_leave_their_ships_to_the_next_call(build, monkeypatch, executable):
+def test_ships_of_failed_workers_stay_unbuilt(build, monkeypatch, executable):
     monkeypatch.setattr(sys, "executable", executable)
     folder, _ = build(NAMES[:2])
     assert [is_built(name, cache=folder) for name in NAMES[:2]] == [True, False]

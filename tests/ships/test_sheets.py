@@ -33,7 +33,7 @@ def component(document: dict[str, Any], name: str) -> dict[str, Any]:
     return next(line for line in document["components"] if line["name"] == name)
 
 
-def test_barge_is_a_solid_of_its_size() -> None:
+def test_barge_is_one_solid_of_expected_size() -> None:
     mesh = built(barge())
     assert mesh.is_volume
     assert mesh.body_count == 1
@@ -108,7 +108,7 @@ VALUES = st.one_of(
 @settings(max_examples=80, deadline=None)
 @given(path=st.sampled_from(PATHS), value=VALUES)
 @example(path=("stations", 1, 0), value=5.7e-131)
-def test_any_value_anywhere_gives_a_solid_or_one_sentence(path, value) -> None:
+def test_any_value_gives_a_solid_or_a_ship_error(path, value) -> None:
     document = copy.deepcopy(barge())
     place: Any = document
     for step in path[:-1]:
@@ -126,7 +126,7 @@ def test_any_value_anywhere_gives_a_solid_or_one_sentence(path, value) -> None:
         assert mesh.body_count == 1
 
 
-def test_sheet_that_is_not_text_is_refused(tmp_path: Path) -> None:
+def test_non_utf8_sheet_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "barge.yaml"
     path.write_bytes(b"\xff\xfe\x00\xd8")
     with pytest.raises(ships.ShipError, match="UTF-8"):

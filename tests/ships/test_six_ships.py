@@ -49,7 +49,7 @@ def test_is_one_closed_solid_wound_outward(name) -> None:
     assert mesh.body_count == 1
 
 
-def test_lies_on_the_waterline_and_nothing_is_below(name) -> None:
+def test_ship_ends_in_a_flat_face_at_the_waterline(name) -> None:
     mesh = ships.load(name)
     assert mesh.vertices[:, 2].min() == 0
     flat = (mesh.triangles[:, :, 2] == 0).all(axis=1)
@@ -57,7 +57,7 @@ def test_lies_on_the_waterline_and_nothing_is_below(name) -> None:
     assert mesh.area_faces[flat].sum() > 0.5 * np.prod(mesh.extents[:2])
 
 
-def test_length_and_beam_are_those_of_the_sheet(name) -> None:
+def test_dimensions_match_the_sheet(name) -> None:
     """Both agree within the project's tolerance of 0.1 m, as nothing overhangs the hull."""
     mesh, principal = ships.load(name), yaml.safe_load(packaged_text(name))["principal"]
     for length in (mesh.extents[0], mesh.metadata["loa"]):
@@ -80,7 +80,7 @@ def test_length_and_beam_are_those_of_the_sheet(name) -> None:
         ("roberts", "stern capstan to port", 136.2, 1.8, 4.0),
     ],
 )
-def test_port_is_port(name, what, aft, port, up) -> None:
+def test_asymmetric_parts_are_on_the_correct_side(name, what, aft, port, up) -> None:
     mesh = ships.load(name)
     x = mesh.metadata["loa"] / 2 - aft
     assert is_solid_at(mesh, (x, port, up)), what
@@ -88,7 +88,7 @@ def test_port_is_port(name, what, aft, port, up) -> None:
 
 
 @pytest.mark.parametrize(("name", "angle"), [("duncan", 11), ("roberts", 45), ("spruance", 10)])
-def test_transom_leans_as_stated(name, angle) -> None:
+def test_transom_rake_matches_the_sheet(name, angle) -> None:
     """Transom facets are one plane at the sheet's angle, and nearly all of the stern."""
     mesh = ships.load(name)
     outward = -np.array([np.cos(np.radians(angle)), 0, np.sin(np.radians(angle))])

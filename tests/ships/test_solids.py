@@ -42,14 +42,14 @@ def test_cylinder_and_cone() -> None:
     assert cone.volume() == pytest.approx(np.pi * 3 / 3 * (4 + 2 + 1) * share)
 
 
-def test_sphere_and_ellipsoid_fill_their_volume_to_one_percent() -> None:
+def test_sphere_and_ellipsoid_volumes_agree_to_one_percent() -> None:
     assert solids.sphere(radius=1.5).volume() == pytest.approx(4 / 3 * np.pi * 1.5**3, rel=0.011)
     egg = solids.ellipsoid(length_radius=1, width_radius=2, height_radius=3)
     assert egg.volume() == pytest.approx(4 / 3 * np.pi * 6, rel=0.011)
     np.testing.assert_allclose(bounds(egg)[1], [1, 2, 3])
 
 
-def test_dish_is_hollow_towards_where_it_looks() -> None:
+def test_dish_is_concave_towards_its_boresight() -> None:
     dish = solids.dish(radius=1.2, depth=0.5)
     low, high = bounds(dish)
     assert high[0] == pytest.approx(0, abs=1e-9)
@@ -58,7 +58,7 @@ def test_dish_is_hollow_towards_where_it_looks() -> None:
 
 
 @pytest.mark.parametrize("legs", [3, 4])
-def test_lattice_stands_on_its_legs(legs) -> None:
+def test_lattice_is_connected_with_all_legs_at_its_base(legs) -> None:
     mast = solids.Lattice(
         length=4, width=3, height=10, top_length=2, top_width=1, leg_radius=0.1,
         brace_radius=0.05, legs=legs, bays=3, sink=0.3,

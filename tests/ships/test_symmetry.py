@@ -24,7 +24,7 @@ def barge(*more):
     return trimesh.boolean.union([hull, house, *more], engine="manifold")
 
 
-def test_triangles_need_not_be_mirrored():
+def test_symmetry_does_not_depend_on_triangulation():
     plain = barge()
     port = np.flatnonzero(plain.triangles_center[:, 1] > 0)
     # A vertex in the middle of each facet of one side.
@@ -40,7 +40,7 @@ def test_triangles_need_not_be_mirrored():
     assert ncti.ships.is_symmetric(finer)
 
 
-def test_equal_moments_are_not_enough():
+def test_equal_moments_do_not_imply_symmetry():
     """A box to port and the same one turned to starboard have equal mass and products."""
     port, starboard = (
         placed(box((2, 2, 2)), -30, 4, 6.5),
@@ -53,7 +53,7 @@ def test_equal_moments_are_not_enough():
 
 @settings(max_examples=20, deadline=None)
 @given(exponent=st.floats(-2, 2), length=st.floats(1, 30))
-def test_a_plate_counts_from_a_thickness_on(exponent, length):
+def test_plates_break_symmetry_only_above_min_thickness(exponent, length):
     """Twice a plate's volume over its surface is its thickness, except for the rim."""
     thick = MIN_THICKNESS * 10**exponent
     ship = barge(placed(box((length, thick, 3)), -20, 6 + thick / 2, 3))
@@ -65,6 +65,6 @@ def test_a_plate_counts_from_a_thickness_on(exponent, length):
 
 
 @pytest.mark.parametrize("name", ncti.ships.names())
-def test_no_packaged_ship_is(name):
+def test_no_packaged_ship_is_symmetric(name):
     """Launchers, funnels and torpedo tubes make the packaged ships asymmetric."""
     assert not ncti.ships.is_symmetric(ncti.ships.load(name))

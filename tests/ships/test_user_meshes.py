@@ -31,7 +31,7 @@ def kind(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
-def test_closed_mesh_comes_in_as_it_is(kind, tmp_path) -> None:
+def test_closed_mesh_loads_unchanged(kind, tmp_path) -> None:
     mesh = ships.load(saved(block(), tmp_path / f"hulk.{kind}"))
     assert mesh.is_volume
     assert mesh.volume == pytest.approx(100 * 14 * 20)
@@ -41,7 +41,7 @@ def test_closed_mesh_comes_in_as_it_is(kind, tmp_path) -> None:
     assert mesh.metadata["beam"] == pytest.approx(14)
 
 
-def test_what_is_below_the_waterline_is_cut_off_and_closed(kind, tmp_path) -> None:
+def test_mesh_is_clipped_and_capped_at_the_waterline(kind, tmp_path) -> None:
     mesh = ships.load(saved(block(at=(0, 0, 4)), tmp_path / f"hulk.{kind}"))
     assert mesh.is_volume
     assert mesh.bounds[0, 2] == 0
@@ -68,12 +68,12 @@ def broken() -> dict[str, trimesh.Trimesh]:
 
 
 @pytest.mark.parametrize("said", broken())
-def test_a_mesh_that_is_no_ship_is_refused(said, kind, tmp_path) -> None:
+def test_broken_mesh_is_refused(said, kind, tmp_path) -> None:
     assert said in refusal(saved(broken()[said], tmp_path / f"hulk.{kind}"))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_vertices_that_are_not_finite_are_refused(bad, kind, tmp_path) -> None:
+def test_non_finite_vertices_are_refused(bad, kind, tmp_path) -> None:
     mesh = block()
     vertices = np.array(mesh.vertices)
     vertices[3, 1] = bad

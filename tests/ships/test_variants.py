@@ -44,7 +44,7 @@ def drawn() -> dict[str, list[sheets.Sheet]]:
 
 
 @pytest.mark.parametrize("name", ships.names())
-def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
+def test_variant_is_one_closed_solid_of_nominal_dimensions(name) -> None:
     mesh, nominal = ships.load(f"{name}@0.1"), ships.load(name)
     assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
     assert mesh.body_count == 1
@@ -58,7 +58,7 @@ def test_is_one_closed_solid_of_the_hull_of_its_ship(name) -> None:
 
 
 @pytest.mark.parametrize("name", DRAWS)
-def test_places_are_within_their_uncertainty(drawn, name) -> None:
+def test_displacements_stay_within_uncertainty(drawn, name) -> None:
     """Moves have two parts, each cut off at two sigma, with a total variance of one at most."""
     sheet = packaged_sheet(name)
     sigma = np.array([c.sigma for c in sheet.components])[:, None] * [1, 0.5, 0.7]
@@ -78,7 +78,7 @@ def test_places_are_within_their_uncertainty(drawn, name) -> None:
         )
 
 
-def test_uncertainty_is_used(drawn) -> None:
+def test_free_standing_part_varies_by_its_uncertainty(drawn) -> None:
     """A free-standing part on the deck, an E line of 1.5 m, moves by most of that."""
     sheet = packaged_sheet("spruance")
     number = [c.name for c in sheet.components].index("capstans/windlass")
@@ -98,7 +98,7 @@ def test_same_ship_from_any_cache_and_count(tmp_path) -> None:
     assert len(list((tmp_path / "b").glob("*.npz"))) == 2
 
 
-def test_small_scale_is_the_ship_itself() -> None:
+def test_displacements_vanish_linearly_with_scale() -> None:
     sheet = packaged_sheet("duncan")
     borne, variant = support_tree(sheet), Variant("duncan", 0, 1)
     near, far = (
@@ -110,7 +110,7 @@ def test_small_scale_is_the_ship_itself() -> None:
     np.testing.assert_allclose(far, 2 * near, atol=1e-4)
 
 
-def test_a_size_is_that_of_the_whole_ship() -> None:
+def test_size_scales_the_whole_ship() -> None:
     variant, small = (ships.load(name) for name in ("texas@0.1x2", "texas@0.1x2s0.8"))
     np.testing.assert_array_equal(small.vertices, 0.8 * variant.vertices)
     np.testing.assert_array_equal(small.faces, variant.faces)
@@ -137,7 +137,7 @@ def test_symmetric_ship_stays_symmetric() -> None:
         assert ships.is_symmetric(mesh)
 
 
-def test_tag_says_what_a_line_does_not() -> None:
+def test_source_tag_sets_the_default_uncertainty() -> None:
     document = barge()
     line = document["components"][0]
     line.pop("unc", None)
@@ -151,7 +151,7 @@ def test_tag_says_what_a_line_does_not() -> None:
     assert parsed(document).components[0].sigma == 0.25
 
 
-def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
+def test_unbuildable_draws_are_redrawn(monkeypatch) -> None:
     """If the first two draws do not build, the third is built, from its own stream."""
     sheet = parsed(barge())
     borne, variant = support_tree(sheet), Variant("barge", 0, 1, 0.3)
@@ -183,7 +183,7 @@ def test_draw_that_does_not_build_is_drawn_again(monkeypatch) -> None:
         ("bismarck@0.1", "unknown ship"),
     ],
 )
-def test_what_is_no_variant_is_refused(value, message) -> None:
+def test_invalid_variant_name_is_refused(value, message) -> None:
     with pytest.raises(ships.ShipError, match=message):
         ships.digest(value)
 
@@ -198,6 +198,6 @@ def test_what_is_no_variant_is_refused(value, message) -> None:
         ({"scale": 0.0}, "scale"),
     ],
 )
-def test_wrong_arguments_are_refused(change, message) -> None:
+def test_invalid_arguments_are_refused(change, message) -> None:
     with pytest.raises(ships.ShipError, match=message):
         ships.variants(**({"name": "duncan", "count": 1} | change))

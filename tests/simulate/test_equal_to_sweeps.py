@@ -57,7 +57,7 @@ def profile(frames):
 
 
 @pytest.mark.parametrize("frames", FRAMES)
-def test_profiles_are_those_of_a_sweep_less_the_floor(store, frames):
+def test_profiles_equal_sweep_results_minus_floor(store, frames):
     stored = opened(store, "range_profile").sel(frame_count=frames).squeeze()
     simulated = profile(frames)
     np.testing.assert_array_equal(simulated.down_range, stored.down_range)
@@ -78,7 +78,7 @@ def test_profiles_are_those_of_a_sweep_less_the_floor(store, frames):
 
 
 @pytest.mark.parametrize("way", ["none", "perfect", "shifted"])
-def test_images_are_those_of_a_sweep(store, way):
+def test_images_equal_sweep_results(store, way):
     place = {"super_resolution": way, "frame_count": 16}
     stored = opened(store, "infrared").image.sel(place).squeeze()
     key = {"ship": SHIP, "aspect": ASPECT, "range": RANGE}
@@ -106,7 +106,7 @@ def test_images_are_those_of_a_sweep(store, way):
     assert np.abs(off).max() < 1.5
 
 
-def test_flights_are_those_of_a_sweep(tmp_path, cache):
+def test_flights_equal_sweep_results(tmp_path, cache):
     options = (
         *("sensor=irar", "grid.ship=roberts", "grid.aspect=175", "render.engine=embree"),
         *("irar.range=3", "irar.ifov=500", "classifier.name=acn", "seed=5"),
@@ -139,7 +139,7 @@ def test_flights_are_those_of_a_sweep(tmp_path, cache):
     np.testing.assert_allclose(simulated.horizontal, stored.column * 1.5)
 
 
-def test_defaults_are_those_of_sweeps():
+def test_defaults_equal_sweep_defaults():
     """Defaults agree after conversion to the units of the configuration."""
     for value, setting, unit in (
         (Beam.ifov, Ladar.ifov, 1e6),

@@ -27,13 +27,13 @@ def flight(ship=BOX, **options):
     return simulate.flight(ship, **{"aspect": 170.0, **COARSE, **options})
 
 
-def test_a_ship_whose_sides_are_alike_has_equal_profiles_from_both():
+def test_symmetric_ship_has_equal_port_and_starboard_profiles():
     """Lines are mirrored, so even the error of coarse lines, some 1e-3, is the same."""
     port, starboard = (profile(aspect=aspect, accuracy=0.5).expected for aspect in (35.0, 325.0))
     np.testing.assert_allclose(starboard, port, rtol=0, atol=1e-9 * float(port.max()))
 
 
-def test_a_mesh_that_is_no_solid_is_refused():
+def test_non_solid_mesh_is_refused():
     inverted, opened = BOX.copy(), BOX.copy()
     inverted.invert()
     opened.update_faces(np.arange(len(opened.faces)) > 0)
@@ -49,7 +49,7 @@ def test_a_mesh_that_is_no_solid_is_refused():
     slant_range=st.floats(5e3, 400e3),
     accuracy=st.floats(1e-3, 0.5),
 )
-def test_any_profile_says_its_error(aspect, pulse_width, slant_range, accuracy):
+def test_profiles_report_their_error_bound(aspect, pulse_width, slant_range, accuracy):
     simulated = profile(
         aspect=aspect,
         pulse_width=pulse_width,
@@ -65,14 +65,14 @@ def test_any_profile_says_its_error(aspect, pulse_width, slant_range, accuracy):
     assert simulated.attrs["pulse_width_ns"] == pytest.approx(pulse_width * 1e9)
 
 
-def test_a_finer_accuracy_moves_the_profile_by_no_more_than_it_says():
+def test_profiles_of_two_accuracies_differ_within_bounds():
     """Profiles of two accuracies differ by less than the sum of their error bounds."""
     rough, fine = (profile("texas", frames=1, accuracy=a) for a in (0.02, 1e-4))
     difference = float(abs(rough.expected - fine.expected).sum() / fine.expected.sum())
     assert 0 < difference < rough.attrs["error_bound"] + fine.attrs["error_bound"]
 
 
-def test_a_profile_does_not_depend_on_its_company():
+def test_profile_does_not_depend_on_other_aspects():
     together = profile(aspect=[0.0, 30.0, 350.0])
     assert together.dims == ("aspect", "down_range")
     single = profile(aspect=30.0)
@@ -85,7 +85,7 @@ def test_a_profile_does_not_depend_on_its_company():
 
 
 @pytest.mark.parametrize("simulated", [image, flight])
-def test_a_ship_is_a_name_a_path_or_a_mesh(simulated, tmp_path):
+def test_ship_may_be_a_name_path_or_mesh(simulated, tmp_path):
     path = tmp_path / "barge.stl"
     BOX.export(path)
     by_path, mesh = simulated(path), simulated()
@@ -97,7 +97,7 @@ def test_a_ship_is_a_name_a_path_or_a_mesh(simulated, tmp_path):
     assert simulated(ncti.ships.load("duncan")).identical(by_name)
 
 
-def test_no_mesh_of_a_caller_is_kept(tmp_path):
+def test_mutating_a_mesh_does_not_affect_later_results(tmp_path):
     """Changing a loaded or given mesh afterwards does not change the cached ship."""
     path, mesh = tmp_path / "barge.stl", BOX.copy()
     BOX.export(path)
@@ -109,7 +109,7 @@ def test_no_mesh_of_a_caller_is_kept(tmp_path):
 
 
 @pytest.mark.parametrize("simulated", [profile, image, flight])
-def test_everything_has_a_label_and_a_unit(simulated):
+def test_all_outputs_have_long_name_and_units(simulated):
     result = simulated()
     arrays = [result] if isinstance(result, xr.DataArray) else list(result.data_vars.values())
     for array in (*arrays, *(result[name] for name in result.coords if name != "ship")):
@@ -117,7 +117,7 @@ def test_everything_has_a_label_and_a_unit(simulated):
         assert array.attrs["units"], array.name
 
 
-def test_an_image_shows_the_ship_as_large_as_it_is():
+def test_image_shows_the_ship_at_true_size():
     """Without noise the area of ship pixels is right within the pixels of the outline."""
     thermal = image(
         aspect=90.0, depression=0.0, slant_range=5e3, nedt=0, target_spread=0, sea_spread=0
@@ -139,18 +139,18 @@ def test_an_image_shows_the_ship_as_large_as_it_is():
         ({"ifov": 0.9e-6}, r"^ifov is 9e-07 rad, .* at least 1e-06 rad"),
     ],
 )
-def test_a_view_that_is_not_what_it_seems_is_refused(given, said):
+def test_infeasible_window_or_ifov_is_refused(given, said):
     with pytest.raises(ValueError, match=said):
         profile(**given)
 
 
-def test_the_narrowest_beam_that_a_refusal_allows_is_taken():
+def test_narrowest_allowed_ifov_is_accepted():
     """In floating point 1e-6 times 100 km is slightly less than 0.1 m."""
     small = trimesh.creation.box((4.0, 4.0, 3.0))
     assert profile(small, ifov=1e-6, frames=1, accuracy=0.1).attrs["ifov_urad"] == 1.0
 
 
-def test_a_ship_of_too_many_beams_is_refused_before_it_is_drawn(monkeypatch):
+def test_too_many_ifovs_are_refused_before_rendering(monkeypatch):
     monkeypatch.setattr("ncti.simulate.profiles.extent_within", None)
     large = trimesh.creation.box((1700.0, 200.0, 300.0))
     with pytest.raises(ValueError, match=r"^ifov is 0.00015 rad, .* at least 0\.\d+ rad for 2500 "):

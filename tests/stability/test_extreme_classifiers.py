@@ -27,7 +27,7 @@ def profiles(seed=0):
     st.sampled_from(["none", "common", "standard"]),
     st.floats(-90.0, 90.0),
 )
-def test_networks_of_any_gain_answer_within_one(gain, rise, rate, seed, scaling, size):
+def test_network_outputs_stay_within_one_for_any_gain(gain, rise, rate, seed, scaling, size):
     """As tanh is bounded, outputs are in [-1, 1] and errors at most 2 after any steps."""
     network = GainAnnealedNetwork(
         initial_gain=gain,
@@ -45,7 +45,7 @@ def test_networks_of_any_gain_answer_within_one(gain, rise, rate, seed, scaling,
 
 @settings(max_examples=40)
 @given(st.floats(-320.0, 307.0), st.sampled_from(EVERYONE[:2]))
-def test_names_do_not_depend_on_the_size_of_vectors(size, classifier):
+def test_predictions_do_not_depend_on_vector_scale(size, classifier):
     """Vectors are scaled by their peak first, so sizes from 1e-300 to 1e307 give equal names."""
     scale = 10.0 ** max(size, -300.0)
     named = classifier().fit(profiles(), LABELS)

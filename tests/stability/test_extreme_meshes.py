@@ -25,7 +25,7 @@ HARD = {
 
 @pytest.mark.parametrize("engine", hard_meshes.ENGINES)
 @pytest.mark.parametrize("name", HARD)
-def test_hard_facets_change_nothing(engine, name):
+def test_degenerate_facets_do_not_change_the_extent(engine, name):
     """The box looks the same as without these facets.
 
     Lines see the same surfaces, except that crossings within 1e-9 m may change places on a line of

@@ -47,7 +47,7 @@ def test_area_is_conserved_in_any_bin_at_any_range(engine):
 
 
 @pytest.mark.parametrize("bin_width", BINS)
-def test_the_expected_profile_of_one_bin(bin_width):
+def test_profile_of_a_filled_bin_matches_equation_c(bin_width):
     """A filled bin has Equation C, sqrt(pi/2 CNR beta / N_z + B); Rayleigh variance is 2 - pi/2."""
     extent = filled(bin_width)
     for pulse, cnr, count in product(PULSES, RATIOS, COUNTS):
@@ -76,7 +76,7 @@ def test_more_bins_than_memory_holds_are_refused(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_a_ship_too_small_to_be_seen_is_a_profile_of_nothing(engine):
+def test_ship_below_resolution_gives_a_zero_profile(engine):
     image = see(engine, box(1e-6), aspect=37.0, depression=3.84)
     extent = ladar.range_extent(image, slant_range=1e5)
     assert extent.fraction.shape == (0, 250)

@@ -43,7 +43,7 @@ def test_a_ship_around_the_sensor_is_refused(engine):
 
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("offset", [(1e6, 0, 0), (0, -1e6, 0), (0, 0, 1e6), (1e6, 1e6, 1e6)])
-def test_a_thousand_kilometres_from_the_origin(engine, offset):
+def test_views_are_exact_far_from_the_origin(engine, offset):
     """The range extent conserves area in cells far from the line of sight."""
     view = {"aspect": 37.0, "depression": 3.84}
     image = check(engine, box(offset=offset), pixel=0.5, size=1e6, **view)
@@ -63,7 +63,7 @@ def test_a_thousand_kilometres_from_the_origin(engine, offset):
     roll=st.floats(-360.0, 360.0),
     data=st.data(),
 )
-def test_any_convex_solid_has_its_outline(engine, size, away, aspect, depression, roll, data):
+def test_convex_solid_covers_its_exact_outline(engine, size, away, aspect, depression, roll, data):
     """Sizes are 1 m to 10 km, seen from 50 to a million half sizes away."""
     import trimesh
 

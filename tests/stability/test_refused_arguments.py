@@ -12,7 +12,7 @@ from ncti import classify, evaluate
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("path", GOOD)
-def test_a_wrong_argument_is_named_with_its_value(path):
+def test_refusal_names_the_argument_and_its_value(path):
     function, good = found(path), GOOD[path]
     if path != "simulate.flight":  # a whole flight takes long
         function(**good)
@@ -27,7 +27,7 @@ def test_a_wrong_argument_is_named_with_its_value(path):
             assert any(text in said for text in shown), (name, value, said)
 
 
-def test_every_wrong_value_is_of_an_argument():
+def test_every_invalid_value_belongs_to_an_argument():
     taken = {name for path in GOOD for name in inspect.signature(found(path)).parameters}
     assert set(WRONG) <= taken and set(OTHERS) <= set(GOOD)
 
@@ -100,7 +100,7 @@ def is_refused(function, good, name, wrong):
 
 
 @pytest.mark.parametrize("call", [*ARRAYS, *METHODS])
-def test_what_is_no_array_of_such_values_is_refused(call):
+def test_invalid_arrays_are_refused(call):
     """Estimators of vectors are excluded, as scikit-learn checks their arguments."""
     function, good = METHODS[call] if call in METHODS else (found(call), GOOD[call])
     function(**good)

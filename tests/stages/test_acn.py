@@ -115,7 +115,7 @@ def answered(kind, views, rules=("majority", "ship"), learn=False, training_view
 
 @of_both
 @pytest.mark.parametrize("learn", [False, "all read at once", "in blocks"])
-def test_the_stages_are_the_network(kind, learn, monkeypatch):
+def test_stages_match_the_network(kind, learn, monkeypatch):
     """The network is trained in each order, and tested with the same vectors one by one."""
     if learn == "in blocks":
         monkeypatch.setattr(acn, "HELD_ROWS", 1)
@@ -153,7 +153,7 @@ def test_the_stages_are_the_network(kind, learn, monkeypatch):
 
 
 @of_both
-def test_by_category_views_outside_training_are_not_asked_for(kind):
+def test_category_scores_exclude_views_outside_training(kind):
     """They have categories all the same, and scores by ship count them."""
     training_views = np.ones((SHIPS, len(ASPECTS)), dtype=bool)
     training_views[1], training_views[:, 3] = False, False
@@ -169,7 +169,7 @@ def test_by_category_views_outside_training_are_not_asked_for(kind):
         assert (answers["category"] >= 0).all()
 
 
-def test_orders_of_presentation_but_that_of_the_grid_are_drawn_from_the_seed():
+def test_presentation_orders_after_the_first_depend_on_the_seed():
     def keys(seed):
         overrides = {"sensor": "range", "classifier__name": "acn", "classifier__orders": 2}
         plan = Plan(EXPERIMENT, choose(seed=seed, **overrides))
@@ -194,9 +194,7 @@ def few_learned(aspects, learned, seed=0):
 
 @settings(deadline=None, max_examples=25)
 @given(aspects=st.integers(3, 400), learned=st.integers(1, 40), seed=st.integers(0, 2**32 - 1))
-def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
-    aspects, learned, seed
-):
+def test_blockwise_learning_and_tests_equal_all_views_at_once(aspects, learned, seed):
     """The reference has all views in one training set, and matches all tests at once."""
     views, tests, training_views = few_learned(aspects, learned, seed)
     valid = np.random.default_rng(seed).random(training_views.shape) < 0.9
@@ -231,7 +229,7 @@ def test_what_is_learned_alone_and_tests_in_blocks_are_as_all_views_together(
     np.testing.assert_allclose(answers["similarity"][0][valid], cosine, rtol=0, atol=bound)
 
 
-def test_memory_of_tests_is_in_proportion_to_their_number():
+def test_memory_is_linear_in_the_number_of_tests():
     def peak(aspects):
         views, tests, known = few_learned(aspects, 50)
 

@@ -38,7 +38,7 @@ def answered(cell, training="expected", left_out=(False,), frames=0, **training_
 
 
 @pytest.mark.parametrize(("training", "frames"), list(product(("expected", "noisy"), range(2))))
-def test_it_is_the_most_similar_profile(training, frames):
+def test_answer_is_the_most_similar_profile(training, frames):
     cell = made(noise=5.0)
     answers = answered(cell, training, BOTH, frames)
     tests, expected = directions(cell.averaged[:, frames]), directions(cell.expected)
@@ -61,7 +61,7 @@ def test_it_is_the_most_similar_profile(training, frames):
         assert 0 < answers["correct"][:, j].mean() < 1
 
 
-def test_an_only_aspect_is_not_left_out():
+def test_leaving_out_the_only_aspect_is_refused():
     training = {"training_aspect": (30.0,)}
     with pytest.raises(ValueError, match=r"^classifier\.left_out has True"):
         answered(made(), left_out=(True,), **training)
@@ -69,7 +69,7 @@ def test_an_only_aspect_is_not_left_out():
 
 
 @pytest.mark.parametrize("training", ["expected", "noisy"])
-def test_views_that_are_not_learned_are_named_alone(training):
+def test_untrained_views_never_serve_as_templates(training):
     cell = made()
     untrained = np.zeros_like(cell.valid)
     untrained[2] = untrained[:, 1] = True
@@ -109,13 +109,13 @@ def matched(aspects, learned_every):
     return peak_bytes
 
 
-def test_views_that_are_only_tested_cost_no_memory_but_their_own():
+def test_memory_hardly_grows_with_untrained_test_views():
     small, large = (matched(600 * times, learned_every=times) for times in (1, 8))
     # For eight times the tests of as many templates: one block of cosines, some numbers a view.
     assert large < 1.5 * small
 
 
-def test_nothing_is_named_where_what_is_learned_has_no_direction():
+def test_zero_templates_give_no_answer():
     profiles = np.array([[[0.0, 0.0], [1.0, 0.0]]])
     valid, known = np.ones((1, 2), dtype=bool), np.array([[True, False]])
     answers = correlation.match_views(profiles, profiles[0], valid, known, left_out=False)
@@ -125,7 +125,7 @@ def test_nothing_is_named_where_what_is_learned_has_no_direction():
         correlation.match_views(0 * profiles, profiles[0], valid, known, left_out=False)
 
 
-def test_the_draw_that_is_tested_is_not_learned():
+def test_tested_draw_is_excluded_from_training():
     cell = made(noise=3.0)
     before = answered(cell, "noisy")
     assert before["similarity"].max() < 0.99

@@ -15,7 +15,7 @@ from sweeps.stages.irar import FLOWN, RECORDED, scan_again
 
 
 @pytest.mark.parametrize(("chain", "rate"), [("printed", "line"), ("printed_pulse_rate", "pulse")])
-def test_the_source_s_chain_is_a_choice(chain, rate, folder):
+def test_printed_chain_matches_the_library(chain, rate, folder):
     """The image and the profile are the library's, with the estimate of the cell."""
     settings = {
         "chain": ["exact", "printed", "printed_pulse_rate"],
@@ -41,7 +41,7 @@ def test_the_source_s_chain_is_a_choice(chain, rate, folder):
     assert leans[0] < 0.5 and leans[1] > 1.0
 
 
-def test_a_wrong_pointing_leaves_the_ship_in_its_window(folder):
+def test_window_follows_the_ship_despite_pointing_errors(folder):
     """It seems to be 35 or 14 pixels aside, and the window follows it; looks are as many."""
     flights = opened(flown(folder, "pointing", errors={"pointing": [-1, 0.4]}), "validation")
     right = at(flights, error=("none", 0.0))
@@ -60,7 +60,7 @@ def test_a_wrong_pointing_leaves_the_ship_in_its_window(folder):
         assert middle[degrees] - middle[0.0] == pytest.approx(expected, abs=1.5)
 
 
-def test_nothing_but_noise_fails_nothing(folder):
+def test_pure_noise_causes_no_failure(folder):
     """At -30 dB there are no landmarks and no correlation; signatures are flat, estimates kept."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")

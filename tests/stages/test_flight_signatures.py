@@ -12,7 +12,7 @@ from ncti.render import range_image
 from sweeps.engine.resolve.streams import cell_rng
 
 
-def test_synthetic_signatures_are_those_of_the_range_channel(folder):
+def test_synthetic_signatures_match_the_range_channel(folder):
     """View, sensor and depression are the flight's; tests have a random stream of their own."""
     settings = {"depression": 5, "profile_frames": [8, 16], "grid__replicate": 2}
     flights = opened(flown(folder, "deep", **settings), "validation")

@@ -39,7 +39,7 @@ def several(folder):
     ("error", "focus"),
     [(("none", 0.0), False), (("aircraft_speed", 1.0), False), (("aircraft_speed", 1.0), True)],
 )
-def test_a_flight_is_the_library_done_by_hand(several, error, focus):
+def test_flight_matches_direct_library_calls(several, error, focus):
     """Every variable follows from the flight's parameters and the key of its noise."""
     ours = at(several, error=error, autofocus=focus, replicate=1)
 

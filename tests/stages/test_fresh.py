@@ -35,7 +35,7 @@ def chosen(**settings):
     more=st.integers(0, 5),
     seed=st.integers(0, 2**32),
 )
-def test_every_thirty_degrees_have_as_many_within_the_ends(ends, number, more, seed):
+def test_each_30_degree_bin_has_equally_many_random_aspects(ends, number, more, seed):
     low, high = ends
     drawn = np.array(draw_aspects(low, high, number, seed))
     bins = np.arange(30 * (low // 30), high, 30)
@@ -48,7 +48,7 @@ def test_every_thirty_degrees_have_as_many_within_the_ends(ends, number, more, s
     np.testing.assert_array_equal(longer[:, :number], drawn.reshape(bins.size, number))
 
 
-def test_they_come_into_the_grid_and_are_not_learned():
+def test_random_aspects_join_the_grid_but_not_the_training():
     choices = chosen(grid__aspect=[0, 15, 30, 60], grid__random_aspects=2)
     drawn = random_test_aspects(choices, (0, 15, 30, 60))
     assert len(drawn) == 4 and choices[Grid.aspect] == tuple(sorted({0, 15, 30, 60, *drawn}))
@@ -61,7 +61,7 @@ def test_they_come_into_the_grid_and_are_not_learned():
     assert again.values == choices.values
 
 
-def test_generated_ships_come_into_the_grid_and_are_the_alternative():
+def test_generated_ships_join_the_grid_as_the_alternative():
     """Each ship learned has variants of sizes between 0.7 and 1.1, which no other ship changes."""
     settings = {"grid__ship": ["duncan", "texas", "roberts"], "classifier__unknown": ["roberts"]}
     settings["classifier__name"] = ["likelihood"]
@@ -86,7 +86,7 @@ def test_generated_ships_come_into_the_grid_and_are_the_alternative():
     )  # names have three digits
 
 
-def test_a_spacing_learns_its_multiples_and_is_an_axis():
+def test_template_spacing_selects_its_multiples_and_is_an_axis():
     spaced = {"grid__aspect": {"start": 0, "stop": 6, "step": 0.5}}
     choices = chosen(**spaced, grid__random_aspects=1, classifier__template_spacing=[1.5, 3])
     learned = training_view_mask(choices)
@@ -101,7 +101,7 @@ def test_a_spacing_learns_its_multiples_and_is_an_axis():
     assert (sum(kind.astype(int) for kind in kinds.values()) == 1).all()
 
 
-def test_answers_at_several_kinds_of_aspects_are_counted_apart():
+def test_answers_are_counted_per_kind_of_aspect():
     rng = np.random.default_rng(2)
     dims, coords = ("replicate", "ship", "aspect"), {"aspect": [0.0, 1.0, 30.0, 31.0, 62.0]}
     answers = rng.integers(0, 2, (3, 2, 5))

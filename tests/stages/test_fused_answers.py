@@ -104,7 +104,7 @@ def with_outliers_by_hand(scores, training_views, outlier_fraction):
 
 
 @pytest.mark.parametrize("unknown", [None, ("b",)])
-def test_by_hand(unknown):
+def test_answers_match_an_independent_computation(unknown):
     """It holds for every gain, number of frames and draw, with or without a ship not learned."""
     training_views = np.ones(VIEWS, dtype=bool) if unknown is None else SHIP != 1
     cell, (templates, silhouettes) = made(noise=5.0), maps()
@@ -157,7 +157,7 @@ def test_by_hand(unknown):
     assert np.mean(doubtful) > 0.2
 
 
-def test_answers_in_blocks_are_those_of_all_views(monkeypatch):
+def test_blockwise_answers_equal_those_of_all_views_at_once(monkeypatch):
     """One ship is not learned, and some views are missing."""
     cell, (templates, silhouettes) = made(noise=5.0).without([0], [3]), maps()
     valid = np.ones((PHASES, *GRID), dtype=bool)

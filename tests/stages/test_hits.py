@@ -30,7 +30,7 @@ def image(request):
     return images()[request.param]
 
 
-def test_patches_cover_what_the_view_does(image):
+def test_restored_patches_have_the_coverage_of_the_view(image):
     hits = Hits.of(image)
     hits_restored = restore(Hits, {name: np.asarray(array) for name, array in vars(hits).items()})
     assert type(hits_restored.columns) is int

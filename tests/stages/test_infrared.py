@@ -75,7 +75,7 @@ def test_images_of_one_view_are_drawn_once_for_all_sensors():
     assert of_range != of_imager == of_training
 
 
-def test_templates_are_seen_from_the_training_range_whatever_is_tested():
+def test_templates_depend_on_the_training_range_only():
     """At one altitude the depression depends on the range: at 25 km it is 15.6 deg."""
     overrides = {"sensor": "infrared", "grid__ship": "duncan", "grid__aspect": 60}
     overrides |= {"scene__geometry": "altitude", "infrared__training_range": 25}
@@ -91,7 +91,7 @@ def test_templates_are_seen_from_the_training_range_whatever_is_tested():
     assert at_50 != template(infrared__range=50, scene__altitude=3000)
 
 
-def test_pixels_that_are_just_filled_show_the_ship():
+def test_pixels_exactly_at_the_coverage_rule_count_as_ship():
     coverage = view_from(25.0).coverage_at(0).coverage
     rule = coverage[(coverage > 0.2) & (coverage < 0.9)][0]
     mask = view_from(25.0, coverage_rule=rule).mask(0, 1)
@@ -103,7 +103,7 @@ def test_pixels_that_are_just_filled_show_the_ship():
 
 @pytest.mark.parametrize("slant_range", [25.0, 50.0])
 @pytest.mark.parametrize("rule", [0.25, 0.5])
-def test_a_cell_is_the_library_done_by_hand(slant_range, rule):
+def test_cell_matches_direct_library_calls(slant_range, rule):
     """Every variable of every super-resolution is the library's, from masks by histogram."""
     frames, phases = (1, 16), (0, 1)
     view = view_from(slant_range, coverage_rule=rule)

@@ -23,7 +23,7 @@ from sweeps.stages.irar import FLOWN, MAX_ERROR, RECORDED, Irar, flight_of, surf
         st.lists(st.integers(-300, 300), min_size=1, max_size=4, unique=True),
     )
 )
-def test_errors_are_read_back_from_what_is_written(errors):
+def test_navigation_errors_round_trip(errors):
     values = Irar.errors.values({name: [n / 10 for n in listed] for name, listed in errors.items()})
     assert len(values) == 1 + sum(n != 0 for listed in errors.values() for n in listed)
     assert Irar.errors.values(Irar.errors.kind.as_input(values)) == values
@@ -44,7 +44,7 @@ def first(*settings, **changes):
     return {setting.name: choices[setting][0] for setting in settings} | changes
 
 
-def test_defaults_are_those_of_the_library():
+def test_defaults_match_the_library():
     values = {setting.name: setting.default for setting in (*FLOWN, *RECORDED)}
     flight = flight_of(175.0, values)
     expected = Flight(slant_range=3900.0, ship_heading=ship_heading(aspect=175.0, sight=5.0))
@@ -54,7 +54,7 @@ def test_defaults_are_those_of_the_library():
     assert flight.aspect == pytest.approx(175.0)
 
 
-def test_values_of_a_flight_are_converted():
+def test_flight_settings_are_converted_to_library_units():
     values = first(*FLOWN, *RECORDED, ifov=300.0, flown_pulse_width=10.0, pointing=4.0, range=2.5)
     values |= {"jitter": 40.0, "cnr": 13.0, "aircraft_heading": 20.0, "offset": -7.0}
     flight = flight_of(30.0, values)
@@ -90,7 +90,7 @@ def test_every_setting_changes_the_flight_or_the_ship_or_the_noise():
         assert (changed != plain).any(), name
 
 
-def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
+def test_different_flights_draw_different_attitudes(monkeypatch):
     """`fly` is replaced by one number, drawn from the stream of the flight's attitude."""
     monkeypatch.setattr(irar, "fly", lambda mesh, flight, *, rng, **surface: rng.random())
     mesh, course = ncti.ships.load("roberts"), first(*FLOWN, jitter=50.0)
@@ -103,7 +103,7 @@ def test_attitudes_of_different_flights_are_drawn_apart(monkeypatch):
     assert irar.fly_past(mesh, course, **view) == irar.fly_past(mesh, course, **view | others[-1])
 
 
-def test_what_is_believed_wrong():
+def test_navigated_flight_contains_the_given_error():
     mesh = ncti.ships.load("duncan")
     flight = Flight(slant_range=3900.0, ship_heading=0.0, aircraft_speed=80.0)
     settled = plan_scan(mesh, flight).flight

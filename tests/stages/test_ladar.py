@@ -29,7 +29,7 @@ def ifovs(image):
     return ladar.ifovs(ladar.extent(image, slant_range=100e3), 0.0, 0.0)
 
 
-def test_signals_are_in_the_units_of_the_library(ifovs):
+def test_cnr_and_covariance_match_the_library(ifovs):
     cnr = called(ladar.cnr_at_range, range=100e3)
     assert cnr == pytest.approx(10**3.2)
     band = ladar.covariance(ifovs, cnr=cnr, **SIGNAL)
@@ -37,7 +37,7 @@ def test_signals_are_in_the_units_of_the_library(ifovs):
     np.testing.assert_array_equal(band, moments)
 
 
-def test_the_floor_is_that_of_every_ifov(ifovs):
+def test_noise_floor_counts_every_ifov(ifovs):
     """IFOVs on the ship count, too, as ends are free of the pulse; less the floor, they are 0."""
     profile = expected_profile(ifovs, cnr=1600.0, **SIGNAL)
     profiles = ladar.above_floor(profile)
@@ -50,14 +50,14 @@ def test_the_floor_is_that_of_every_ifov(ifovs):
     assert profiles["floor_removed"].max() > 0
 
 
-def test_extinction_reaches_the_profile_in_its_units():
+def test_extinction_scales_the_cnr_with_range():
     """0.1 dB/km over 50 km less than the reference, both ways, is 10 dB more, besides 4 times."""
     hazy = called(ladar.cnr_at_range, range=50e3, cnr=20.0, extinction=0.1e-3)
     assert hazy == pytest.approx(called(ladar.cnr_at_range, range=50e3, cnr=30.0))
     assert hazy == pytest.approx(10**3 * 4)
 
 
-def test_an_image_of_pixels_states_its_error(ifovs):
+def test_profile_error_is_checked_against_the_tolerance(ifovs):
     error = ladar.profile_error(ifovs, 30e-9)
     assert 0.001 < error < 0.1 and error == ifovs.error_after(30e-9)
     for tolerance, within in ((0.2, True), (0.0005, False)):
@@ -76,7 +76,7 @@ def place_of(drawn_aspect=300.0, **other):
 
 
 @pytest.mark.parametrize("place", ["corner", "random"])
-def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place):
+def test_mirrored_views_mirror_the_place_of_the_ship(image, place):
     """The image is drawn at the mirrored place, so that the ship is seen at the view's place."""
     place_seen, drawn = place_of(place=place), place_of(60.0, place=place)
     assert (
@@ -87,7 +87,7 @@ def test_the_place_of_a_ship_drawn_from_the_other_side_is_mirrored(image, place)
     assert extent.shift == place_seen
 
 
-def test_places_are_uniform_and_of_each_draw_alone():
+def test_places_are_uniform_and_independent_per_draw():
     """300 places pass Kolmogorov's test at 1e-3; another value of any setting draws another."""
     places = np.array(
         [place_of(float(a), aspect=float(a), replicate=r) for a in range(100) for r in range(3)]
@@ -100,7 +100,7 @@ def test_places_are_uniform_and_of_each_draw_alone():
     assert np.abs(np.corrcoef(places.T)[0, 1]) < 3.3 / np.sqrt(len(places))
 
 
-def test_a_window_holds_every_ship_with_both_ends_free():
+def test_window_must_hold_the_ship_with_both_ends_free():
     mesh_source = views.mesh_source(ship_name("spruance"))
     reach = np.linalg.norm(meshes.read_mesh(mesh_source).vertices, axis=1).max()
     pulse = 30e-9 * SPEED_OF_LIGHT / math.sqrt(2)
@@ -110,7 +110,7 @@ def test_a_window_holds_every_ship_with_both_ends_free():
         ladar.check(choose(grid__ship="spruance", ladar__window=float(needed) - 1e-6))
 
 
-def test_classifiers_declare_that_covariances_are_stored_for_them(monkeypatch):
+def test_covariances_are_stored_for_classifiers_that_declare_it(monkeypatch):
     """`docs/own_classifier.md` says so; here correlation stands for a user's classifier."""
     choices = choose(classifier__name="correlation")
     assert not ladar.stores_moments(choices)

@@ -81,7 +81,7 @@ def answered(
 
 
 @pytest.mark.parametrize(("place", "gain"), list(enumerate(GAINS)))
-def test_by_hand(place, gain):
+def test_answers_match_an_independent_computation(place, gain):
     """Densities are Gaussian, with gain and floor as two more directions of the covariance.
 
     Each view has a floor of its own, which no gain changes.
@@ -121,7 +121,7 @@ def test_by_hand(place, gain):
 
 
 @pytest.mark.parametrize("error", ERRORS)
-def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
+def test_left_out_aspects_are_never_learned(error):
     """Reversing all profiles at an aspect changes no answer that leaves it out, but others.
 
     The cells of templates beside it do not change, either.
@@ -140,7 +140,7 @@ def test_nothing_is_learned_of_an_aspect_that_is_left_out(error):
                 assert (first[0] != second[0]).any()
 
 
-def test_an_estimated_floor_is_whatever_the_edges_hold():
+def test_estimated_floor_makes_densities_invariant_to_offsets():
     """Constants added to profiles and templates change densities of a known floor alone."""
     rng = np.random.default_rng(5)
     cell = made(noise=5.0)
@@ -165,7 +165,7 @@ def test_an_estimated_floor_is_whatever_the_edges_hold():
 
 
 @pytest.mark.parametrize("error", ERRORS)
-def test_answers_in_blocks_are_those_of_all_views(error, monkeypatch):
+def test_blockwise_answers_equal_those_of_all_views_at_once(error, monkeypatch):
     """Some views are missing, and a ship and two aspects are not learned."""
     cell = made(noise=5.0).without([0, 2, 2], [3, 0, 5])
     known = {"unknown": ("c",), "training_aspect": (0.0, 30.0, 59.9, 60.0)}
@@ -179,7 +179,7 @@ def test_answers_in_blocks_are_those_of_all_views(error, monkeypatch):
     assert max(rows) == 4
 
 
-def test_a_track_without_error_leaves_the_templates_at_its_aspect():
+def test_exact_track_uses_only_templates_at_its_aspect():
     """With an error of 1000 deg, probabilities differ from those without a track."""
     cell = made(noise=5.0)
     covariance = bands(cell, variance=25.0)
@@ -198,7 +198,7 @@ def test_a_track_without_error_leaves_the_templates_at_its_aspect():
     assert (exact["probability"] > none["probability"]).mean() > 0.5
 
 
-def test_errors_of_a_track_belong_to_views_and_scale():
+def test_track_errors_are_keyed_by_view_and_scale_with_sigma():
     """Other ships and aspects change no error; each draw, seed and view has its own."""
     errors = likelihood.track(NAMED, ASPECTS, 2.0, 0, 0).reported - np.array(ASPECTS)
     few = likelihood.track(NAMED[1:], ASPECTS[::2], 6.0, 0, 0).reported - np.array(ASPECTS[::2])
@@ -216,7 +216,7 @@ def test_errors_of_a_track_belong_to_views_and_scale():
 
 
 @pytest.mark.parametrize("weight", [0.0, 0.5])
-def test_answers_are_accepted_by_their_density_over_that_of_the_alternative(weight):
+def test_acceptance_uses_the_likelihood_ratio_to_the_alternative(weight):
     """Three points on a line have a closed form; by Neyman and Pearson no test keeps more.
 
     The third ship is the alternative: one class more, which is never named. Similarity falls with

@@ -87,7 +87,7 @@ def named(signatures, name, unknown=None, **changes):
 @pytest.mark.parametrize(
     ("name", "vigilance"), [("acn", 0.9), ("acn", 0.5), ("mnn", 0.9), ("correlation", 0.9)]
 )
-def test_answers_are_those_of_the_library(signatures, name, vigilance):
+def test_answers_match_the_library(signatures, name, vigilance):
     answers = named(signatures, name, vigilance=vigilance)
     ship = np.repeat(np.arange(len(SHIPS)), len(ASPECTS))
     labels, group = aspect_bins(np.array(ASPECTS))

@@ -55,7 +55,7 @@ SETTINGS = (
 
 
 @pytest.mark.parametrize("setting", SETTINGS)
-def test_every_setting_is_the_librarys(setting):
+def test_every_setting_matches_the_library(setting):
     cell = made(noise=1.0)
     options = dict(zip(NAMES, setting, strict=True)) | {"grow_every": 5, "tolerance": 0.5}
     arrays = trained(cell, **options, max_hidden=4)
@@ -81,7 +81,7 @@ def test_every_setting_is_the_librarys(setting):
     np.testing.assert_array_equal(answers["correct"], predicted == TRUTH)
 
 
-def test_answers_in_blocks_are_those_of_all_views():
+def test_blockwise_answers_equal_those_of_all_views_at_once():
     cell = made(noise=5.0).without([0], [3])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mnn, "row_blocks", lambda count: row_blocks(count, 4))

@@ -42,7 +42,7 @@ def streams(stage, *overrides):
         ("profile_noise", TIMED, 2**4),
     ],
 )
-def test_no_two_cells_have_one_stream(stage, overrides, cells):
+def test_no_two_cells_share_a_random_stream(stage, overrides, cells):
     names, count = streams(stage, *overrides)
     assert count == cells
     assert len(names) == cells

@@ -12,7 +12,7 @@ from sweeps.stages.classifier import AspectSelection, tabulate_answers, training
 GRID = {"grid__ship": ["duncan", "horne", "texas"], "grid__aspect": [0, 15, 45]}
 
 
-def test_unknown_ships_and_aspects_between_are_not_learned():
+def test_training_excludes_unknown_ships_and_other_aspects():
     choices = choose(**GRID, classifier__unknown="horne", classifier__training_aspect=[45, 0])
     expected = [[1, 0, 1], [0, 0, 0], [1, 0, 1]]
     np.testing.assert_array_equal(classifier.training_view_mask(choices), expected)
@@ -59,7 +59,7 @@ def test_fractions_are_counted_by_hand():
         (1, [3 / 4] * 3, [1 / 4] * 3),
     ],
 )
-def test_draws_are_means_with_a_spread(prefix, lost, mean, spread):
+def test_draws_are_summarised_by_mean_and_spread(prefix, lost, mean, spread):
     """Right are 4/4, 2/4, 0/4, 4/4 and 2/2, 1/2, 1/2, 0/2, at two phases in two orders."""
     right = np.array(
         [

@@ -18,7 +18,7 @@ FRAMES = (1, 16)
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("slant_range", [25.0, 50.0])
-def test_a_cell_is_the_library_done_by_hand(way, slant_range):
+def test_cell_matches_direct_library_calls(way, slant_range):
     view = view_from(slant_range)
     phases = (0, 1)
     masks = [silhouettes(view, way, method, phases, FRAMES) for method in METHODS]
@@ -42,7 +42,7 @@ def test_a_cell_is_the_library_done_by_hand(way, slant_range):
             np.testing.assert_array_equal(maps[m, r, b][p, f], np.rint(255 * cells))
 
 
-def test_templates_are_the_pixels_that_the_ship_fills():
+def test_templates_have_evenly_spread_subpixel_offsets():
     """Their places on the detector spread evenly over a pixel, the first at its corner."""
     phases = tuple(range(64))
     head_on, imager = (0.0, 0.0), (25e3, 150e-6, 0.4)

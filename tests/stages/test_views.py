@@ -27,7 +27,7 @@ def box(tmp_path):
     return path
 
 
-def test_a_hull_is_what_is_in_its_file(box, tmp_path):
+def test_mesh_key_depends_on_file_content_not_on_its_name(box, tmp_path):
     """Its key does not depend on the name of the file."""
     copy = tmp_path / "again.stl"
     copy.write_bytes(box.read_bytes())
@@ -36,7 +36,7 @@ def test_a_hull_is_what_is_in_its_file(box, tmp_path):
     assert value_token(first) != value_token(views.mesh_source(ship_name("duncan")))
 
 
-def test_a_transform_counts_in_the_key_of_results(box):
+def test_mesh_key_depends_on_the_transform(box):
     """A turn about the vertical changes the key, and the same transform does not."""
     (plain,), (turned,), (again,) = (
         choose(grid__ship={"path": str(box), "forward": axis})[Grid.ship]
@@ -55,7 +55,7 @@ def test_a_ship_that_changed_is_refused(box):
         views.mesh(before)
 
 
-def test_many_ships_are_built_before_they_are_checked(tmp_path, monkeypatch, caplog):
+def test_building_many_ships_logs_progress(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     monkeypatch.setattr(meshes, "FEW_SHIPS", 2)
     monkeypatch.setattr(meshes, "LINE_INTERVAL", 0.0)
@@ -88,7 +88,7 @@ def test_ends_are_drawn_finer_than_broadsides():
 
 
 @pytest.mark.parametrize("aspect", [0.0, 56.0, 200.0])
-def test_lines_are_those_that_are_halved_until_there_are_enough(aspect):
+def test_line_spacing_is_halved_until_lines_suffice(aspect):
     mesh, sampling = ncti.ships.load("duncan"), Sampling("lines", 0.25, 20_000, views.ROLL)
     view = {"aspect": aspect, "depression": 3.84, "roll": sampling.roll_at(aspect)}
     lines = line_image(mesh, spacing=0.25, **view)
@@ -99,7 +99,7 @@ def test_lines_are_those_that_are_halved_until_there_are_enough(aspect):
         np.testing.assert_array_equal(getattr(drawn, name), value, err_msg=name)
 
 
-def test_depressions_are_of_the_scene():
+def test_depression_follows_the_scene_geometry():
     scene = {"altitude": 6705.6, "earth_radius": 6371e3}
     assert views.depression(100e3, "fixed", 3.84, **scene) == 3.84
     assert views.depression(100e3, "altitude", 3.84, **scene) == pytest.approx(3.396, abs=0.001)
@@ -115,8 +115,6 @@ def test_depressions_are_of_the_scene():
         (0.011, "none", 100e3),
     ],
 )
-def test_a_ship_is_drawn_at_its_range_unless_the_far_field_costs_a_tenth_of_the_tolerance(
-    tolerance, skip, drawn
-):
+def test_far_field_is_used_below_a_tenth_of_the_tolerance(tolerance, skip, drawn):
     mesh_source = views.mesh_source(ship_name("duncan"))
     assert views.drawn_range(mesh_source, 100e3, tolerance, skip) == drawn

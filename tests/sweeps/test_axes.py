@@ -36,7 +36,7 @@ UNITS = {setting.key: setting.unit for setting in EXPERIMENT.declared}
 
 
 @pytest.mark.parametrize("name", AXES)
-def test_slices_are_the_stores_of_single_values(name, folder, results):
+def test_slices_equal_stores_of_single_values(name, folder, results):
     """The slice is at the last value of each setting, which is given first."""
     overrides, values = AXES[name]
     lists = [f"{key}=[{','.join(map(str, pair[::-1]))}]" for key, pair in values.items()]

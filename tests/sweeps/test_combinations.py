@@ -42,12 +42,12 @@ def test_a_wrong_combination_is_refused_in_one_sentence(overrides, folder):
 
 
 @pytest.mark.skipif(find_spec("torch") is not None, reason="the extra torch is installed")
-def test_a_classifier_of_an_extra_is_refused_where_that_is_not_installed():
+def test_classifier_of_a_missing_extra_is_refused():
     message = sentence("sensor=benchmark", "benchmark.classifier=[mlp,cnn]")
     assert message.startswith("benchmark.classifier has cnn") and "ncti-sweep[torch]" in message
 
 
-def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
+def test_imager_axes_default_to_those_of_the_grid():
     choices = chosen("sensor=infrared", "grid.ship=duncan", "grid.range=[50,25]")
     assert choices[Infrared.range] == (25, 50) == choices[Grid.range]
     assert choices[Infrared.vigilance] == choices[Grid.vigilance]
@@ -55,11 +55,11 @@ def test_the_imager_has_the_grids_axes_unless_it_has_its_own():
     assert message.startswith("grid.range has 1, where half infrared.ifov")
 
 
-def test_a_ship_need_not_fit_into_the_window_of_a_radar_that_is_not_there():
+def test_range_window_is_not_checked_without_a_radar():
     assert chosen("sensor=infrared", "grid.ship=duncan", "ladar.window=60")
 
 
-def test_a_box_that_floats_is_a_ship(folder):
+def test_box_mesh_is_accepted_as_a_ship(folder):
     box = trimesh.creation.box((60, 10, 8))
     box.apply_translation((0, 0, 4))
     box.export(folder / "barge.stl")

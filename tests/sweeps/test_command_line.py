@@ -15,7 +15,7 @@ COMMANDS = {"ncti-sweep": "sweeps.app", "ncti-report": "sweeps.report.command"}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_version_is_that_of_the_distribution_and_needs_nothing_heavy(name):
+def test_version_matches_the_distribution_without_heavy_imports(name):
     program = f"""
 import atexit, sys
 atexit.register(lambda: print(*sys.modules))

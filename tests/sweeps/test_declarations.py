@@ -24,7 +24,7 @@ each = partial(pytest.mark.parametrize, "setting", ids=lambda setting: setting.k
 
 
 @each(DECLARED)
-def test_the_default_is_allowed_and_written_as_it_is_read(setting):
+def test_defaults_are_valid_and_round_trip(setting):
     if setting.fallback is not None:
         assert setting.fallback in DECLARED
         return
@@ -45,7 +45,7 @@ ANYTHING = st.recursive(
 
 @settings(max_examples=300, deadline=None)
 @given(st.sampled_from(DECLARED), ANYTHING)
-def test_anything_is_values_or_a_sentence(setting, value):
+def test_any_input_is_parsed_or_refused_in_one_line(setting, value):
     try:
         values = setting.values(value)
     except ConfigurationError as error:
@@ -57,7 +57,7 @@ def test_anything_is_values_or_a_sentence(setting, value):
         assert setting.values(setting.kind.as_input(values)) == values
 
 
-def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
+def test_every_setting_affecting_results_is_read_by_a_stage():
     bound = bind(EXPERIMENT).values()
     read_keys = {key for stage in bound for key in (*stage.needs, *stage.gather)}
     unread = {setting.key for setting in DECLARED if setting.affects_results} - read_keys
@@ -67,7 +67,7 @@ def test_every_setting_is_read_by_a_stage_or_says_where_to_run():
 # Its documentation --------------------------------------------------------------------------
 
 
-def test_the_table_in_the_docs_is_current(monkeypatch):
+def test_settings_table_in_the_docs_is_current(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
     from settings_table import TABLE, table
 
@@ -76,7 +76,7 @@ def test_the_table_in_the_docs_is_current(monkeypatch):
     )
 
 
-def test_the_table_of_inputs_of_a_stage_is_current(monkeypatch):
+def test_stage_inputs_table_in_the_docs_is_current(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
     from stage_inputs import TABLE, rows, table
 

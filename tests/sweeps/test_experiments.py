@@ -45,7 +45,7 @@ def test_every_group_choice_composes(group, name):
     assert chosen(f"{group}={name}", sensor, "grid.ship=duncan").value(Grid.pulse_width) == 30
 
 
-def test_files_of_classifiers_and_receivers_name_those_that_there_are():
+def test_classifier_and_receiver_configs_match_declared_choices():
     key = Classifier.name.key
     (names,) = (setting.kind.words for setting in EXPERIMENT.declared if setting.key == key)
     choices = {file for group, file in GROUPS if group == "classifier"}
@@ -55,7 +55,7 @@ def test_files_of_classifiers_and_receivers_name_those_that_there_are():
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_experiment_composes_whole(name):
+def test_every_experiment_composes(name):
     choices = chosen(f"+experiment={name}", *ROWS["composed"].get(name, ()))
     assert choices[Grid.ship]
     missing = len(engines()) - len(available_engines())
@@ -63,13 +63,13 @@ def test_every_experiment_composes_whole(name):
     assert len(skipped) == (missing if name == "runtime_vs_error" else 0)
 
 
-def test_what_the_command_line_sweeps_comes_before_the_axes_of_an_experiment():
+def test_command_line_axes_precede_experiment_axes():
     plan = Plan(EXPERIMENT, chosen("+experiment=smoke", "ladar.cnr=[23,26]"))
     swept = [setting.name for setting in plan.varied_settings]
     assert swept[0] == "cnr" and "pulse_width" in swept
 
 
-def test_a_classifier_without_use_is_named_where_it_was_asked_for():
+def test_ignored_classifiers_are_reported_only_if_requested():
     infrared = ("sensor=infrared", "grid.ship=[duncan,texas]")
     choices = chosen(*infrared, "classifier.name=[acn,correlation]")
     line = "classifier.name=correlation has nothing to do for sensor=infrared; ignored"
@@ -78,12 +78,12 @@ def test_a_classifier_without_use_is_named_where_it_was_asked_for():
     assert not [line for line in unasked if "ignored" in line]
 
 
-def test_sensitivity_is_one_parameter_at_a_time():
+def test_sensitivity_varies_one_parameter_at_a_time():
     errors = chosen("+experiment=sensitivity")[Irar.errors]
     assert len(errors) == 1 + 8 + 4 + 6 + 4 + 4 and errors[0] == ("none", 0.0)
 
 
-def test_every_experiment_is_run():
+def test_every_experiment_has_a_small_run():
     assert {*TINY, "smoke"} == set(EXPERIMENTS)
 
 
@@ -131,7 +131,7 @@ def test_the_published_table_of_the_benchmark_is_drawn(folder, monkeypatch):
     draw("benchmark", str(DOCS / "tables" / "benchmark_splits.csv"), monkeypatch=monkeypatch)
 
 
-def test_every_script_of_the_gallery_is_short_and_run():
+def test_gallery_scripts_are_short_and_tested():
     folder = DOCS / "gallery"
     run = {script for scripts in GALLERY.values() for script, *_ in scripts}
     assert {path.stem for path in folder.glob("*.py")} == {*run, "benchmark", "ships"}

@@ -72,7 +72,7 @@ def package(tmp_path, monkeypatch):
     return install
 
 
-def test_a_module_of_a_package_joins_with_its_experiment(package, folder, capsys):
+def test_installed_package_adds_its_module_and_experiment(package, folder, capsys):
     package(SOUNDER)
     modules = (*CORE, *load_installed_modules())
     added = [module.__name__ for module in modules if module not in (*CORE, *INSTALLED)]
@@ -88,7 +88,7 @@ def test_a_module_of_a_package_joins_with_its_experiment(package, folder, capsys
     np.testing.assert_array_equal(depth, [[1, 2], [91, 92]])
 
 
-def test_a_module_that_cannot_be_imported_is_named(package):
+def test_unimportable_module_is_reported(package):
     site = package("import no_such_library")
     with pytest.raises(DeclarationError, match=r"sounder has the entry point sounder of sweeps"):
         load_installed_modules()

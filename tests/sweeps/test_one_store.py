@@ -13,7 +13,7 @@ ALL = (*TINY, "classifier=all", "classifier.mnn.epochs=5")
 WHOLE = ("grid.ship=[duncan,spruance]", "grid.aspect=[0,30,60]", "grid.pulse_width=[30,50]")
 
 
-def test_a_store_grows_by_what_is_new(folder):
+def test_extending_a_store_computes_only_new_cells(folder):
     """It grows by a view in front and a longer pulse, and then equals the whole sweep's store."""
     store, cache, whole = folder / "s.zarr", folder / "cache", folder / "whole.zarr"
     swept(whole, folder / "other", *ALL, *WHOLE)
@@ -36,7 +36,7 @@ def test_a_store_grows_by_what_is_new(folder):
     assert not repeated.written and contents(store) == contents(whole)
 
 
-def test_classifiers_are_not_trained_again_for_another_number_of_frames():
+def test_changing_the_frame_count_does_not_retrain_classifiers():
     def keys(stage, frames):
         plan = Plan(EXPERIMENT, chosen(*ALL, *WHOLE, f"grid.frame_count={frames}"))
         return {*map(bytes, plan.keys(plan.bound[stage]))}

@@ -22,7 +22,7 @@ def mesh(folder):
     return ship
 
 
-def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsys):
+def test_user_mesh_is_independent_of_other_ships(mesh, folder, results, capsys):
     common = (*FAST, "grid.aspect=[30,60]", "grid.frame_count=4", "store=s.zarr")
     assert ran(MILLIMETRES, *common, f"cache={results}") == 0, capsys.readouterr().err
     assert "hull  133.5 x 14.2 x 36.9 m, 28,860 facets\n" in capsys.readouterr().err
@@ -45,7 +45,7 @@ def test_one_store_has_it_before_and_beside_another(mesh, folder, results, capsy
     assert attributes["mesh_digests"]["hull"] == digest
 
 
-def test_a_line_says_what_was_mended(mesh, folder, capsys):
+def test_mesh_repairs_are_reported(mesh, folder, capsys):
     """The ship is inside out, and its largest deck facets are missing besides."""
     path = folder / "hull.stl"
     broken = trimesh.load(path)

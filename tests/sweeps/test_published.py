@@ -38,12 +38,12 @@ def values_of(choices, key):
 
 
 @pytest.mark.parametrize("key", PUBLISHED)
-def test_a_setting_is_that_of_the_source(key):
+def test_defaults_match_the_article(key):
     values = values_of(chosen(), key)
     assert (values if isinstance(values, tuple) else (values,)) == PUBLISHED[key]
 
 
-def test_the_source_s_own_experiments_are_asked_for():
+def test_paper_experiments_match_the_article():
     paper = chosen("+experiment=paper")
     assert values_of(paper, "sensor") == (("infrared", "range"),)
     assert values_of(paper, "grid.ship") == ("duncan", "horne", "spruance", "texas")
@@ -61,7 +61,7 @@ def test_the_source_s_own_experiments_are_asked_for():
 
 
 @pytest.mark.parametrize("name", ["smoke", "paper", "draws", "table2", "table4"])
-def test_the_article_s_protocol_learns_and_tests_ships_at_the_corner_of_an_ifov(name):
+def test_article_experiments_place_ships_at_an_ifov_corner(name):
     choices = chosen(f"+experiment={name}")
     assert values_of(choices, "ladar.place") == ("corner",)
     if "likelihood" in values_of(choices, "classifier.name"):
@@ -69,7 +69,7 @@ def test_the_article_s_protocol_learns_and_tests_ships_at_the_corner_of_an_ifov(
     assert values_of(chosen("+experiment=fresh"), "ladar.place") == ("random",)
 
 
-def test_the_library_s_own_defaults_are_the_same():
+def test_library_defaults_match_the_article():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 

@@ -41,7 +41,7 @@ def keys(stage, *overrides):
     return {plan.key(plan.bound[stage], place) for place in plan.cells(plan.bound[stage])}
 
 
-def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
+def test_one_range_extent_is_made_per_ship_place():
     """Templates have eight places, the corner among them; a draw has one of its own."""
     views, corner = 4, "ladar.place=corner"
     assert to_make(corner, "classifier.template_places=1") == views
@@ -59,7 +59,7 @@ def test_an_extent_a_place_of_which_the_corner_is_that_of_expected_profiles():
 
 
 @pytest.mark.parametrize("number", [0, 1, 5])
-def test_the_place_of_a_template_drawn_from_the_other_side_is_mirrored(number):
+def test_template_place_is_mirrored_for_the_opposite_side(number):
     shift, mirrored_shift = (
         likelihood.template_offset(
             number, "duncan", 300.0, side, None, None, AspectSelection(None, None, ())

@@ -36,7 +36,7 @@ def test_every_variable_has_units_and_a_name(groups):
     assert checked > 150
 
 
-def test_root_says_what_made_it(smoke_store):
+def test_root_attributes_record_provenance(smoke_store):
     attributes = decode_attrs(xr.open_datatree(smoke_store, engine="zarr").attrs)
     assert attributes["seed"] == 0
     assert attributes["configuration"]["grid"]["aspect"] == ASPECTS
@@ -66,7 +66,7 @@ def swept_on_page(path):
     )
 
 
-def test_profiles_are_what_a_physicist_expects(groups):
+def test_profiles_are_physically_plausible(groups):
     profiles = groups["range_profile"]
     floor = noise_floor() * float(profiles.target_free_ifovs)
     # The ends of the window hold noise alone: the floor of the target-free IFOVs, and of the
@@ -112,7 +112,7 @@ def right(tables, answers, **labels):
 
 
 @pytest.mark.parametrize("name", RIGHT)
-def test_classifiers_answer_as_they_did(name, groups):
+def test_classifier_scores_are_pinned(name, groups):
     counts = right(groups[f"tables/{name}"], VIEWS)
     np.testing.assert_array_equal(counts, RIGHT[name])
 
@@ -137,5 +137,5 @@ def is_pinned(dataset):
     }
 
 
-def test_profiles_are_what_they_were(groups):
+def test_profiles_are_pinned(groups):
     assert all(is_pinned(groups["range_profile"]).values())

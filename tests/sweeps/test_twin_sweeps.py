@@ -36,7 +36,7 @@ def drawn(*overrides):
 
 
 @pytest.mark.parametrize("engine", ["lines", "embree"])
-def test_the_store_is_that_of_all_views_drawn(engine, folder, results):
+def test_skipping_mirrored_views_gives_the_same_results(engine, folder, results):
     """Numbers in float32 are equal within rounding, 2e-6; maps in 255ths and names exactly."""
     ship = barge(folder / "barge.stl")
     overrides = (*SMALL, *FAST, f"render.engine={engine}", "grid.aspect=[40,180,199.7,320]", ship)
@@ -57,7 +57,7 @@ def test_the_store_is_that_of_all_views_drawn(engine, folder, results):
     assert compared > profiles | {"infrared/image", "infrared/log_polar"}
 
 
-def test_one_view_is_drawn_for_both_sides(folder):
+def test_symmetric_ship_needs_one_view_for_both_sides(folder):
     ship = barge(folder / "barge.stl")
     sides = "grid.aspect=[2.7,90,180,270,357.3]"
     keys = drawn(ship, sides)

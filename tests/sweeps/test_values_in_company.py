@@ -25,7 +25,7 @@ def of_new_sensors(compared):
             yield ["grid.ship=[duncan,texas]", "grid.aspect=60", f"sensor={module.SENSOR}", *pairs]
 
 
-def test_every_value_is_the_same_alone_and_in_company():
+def test_batched_and_single_results_are_identical():
     compared: Counter[str] = Counter()
     for sweeps in (SWEEPS.values(), of_new_sensors(compared)):
         for overrides in sweeps:

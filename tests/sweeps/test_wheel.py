@@ -29,7 +29,7 @@ def below(folder, *patterns):
     return {path.relative_to(folder) for pattern in patterns for path in folder.rglob(pattern)}
 
 
-def test_code_and_data_of_users_are_in_the_wheel(unpacked):
+def test_wheel_contains_exactly_the_user_code_and_data(unpacked):
     """Code of developers, such as the benchmarks, is not."""
     packages = {path.name for path in unpacked.iterdir() if path.suffix != ".dist-info"}
     assert packages == {"ncti", "studies", "sweeps"}

@@ -26,7 +26,7 @@ def test_it_is_a_scikit_learn_classifier(estimator, check):
     check(estimator)
 
 
-def test_it_learns_where_a_feature_lies():
+def test_network_learns_feature_positions():
     """Noise of 0.2 hides no blip of five bins of height 1, at 10, 30 or 50."""
     rng = np.random.default_rng(0)
     X, y = blips(rng, [10, 30, 50])
@@ -38,7 +38,7 @@ def test_it_learns_where_a_feature_lies():
     assert network.loss_curve_[-1] < 0.1 * np.log(CLASSES)
 
 
-def test_shifts_in_training_make_it_insensitive_to_shifts():
+def test_training_shifts_improve_accuracy_on_shifted_tests():
     rng = np.random.default_rng(1)
     X, y = blips(rng, [25, 30, 35], noise=0.3)
     tests, truth = blips(rng, [27, 32, 37], noise=0.3)  # nearer to the class's own place
@@ -53,7 +53,7 @@ def test_shifts_in_training_make_it_insensitive_to_shifts():
     assert right(2) > right(0)
 
 
-def test_answers_are_of_the_seed_alone_whatever_the_threads():
+def test_answers_depend_on_the_seed_but_not_on_threads():
     """They are equal to the bit; torch's random state and number of threads do not change."""
     X, y = blips(np.random.default_rng(2), [10, 30, 50], each=20)
     answers, threads = [], torch.get_num_threads()

@@ -80,7 +80,7 @@ def shares(footprint, slant_range, cnr):
     return 100 * np.array(answers)
 
 
-def test_both_sensors_are_never_worse_than_the_better_of_them():
+def test_fusion_hardly_loses_to_the_better_sensor():
     gains = []
     for setting in ((3.75, 25e3, 10**2.8), (7.5, 25e3, 10**4)):
         share = shares(*setting).mean(axis=0)
@@ -104,7 +104,7 @@ def test_joint_evidence_is_the_mean_over_templates_of_the_product():
 
 
 @pytest.mark.parametrize("templates", [2, 4, 5, 30])
-def test_densities_over_places_have_every_place_alike(templates):
+def test_density_over_places_weights_places_equally(templates):
     # One density depends on the place alone, and one is constant.
     of_place = np.array([0.1, 1.0, 0.4, 0.2], dtype=np.float32)
     density = np.tile(np.resize(of_place, templates), (3, 2, 1))
@@ -114,14 +114,14 @@ def test_densities_over_places_have_every_place_alike(templates):
     assert np.allclose(over_places(density, 1), density, rtol=1e-6)
 
 
-def test_a_sensor_that_excludes_what_the_other_is_sure_of_is_not_of_zero_density():
+def test_contradictory_sensors_have_finite_joint_evidence():
     logs = np.array([[0.0, -1e4, -1e4, -1e4, -1e4, -1e4, -1e4, -1e4]])
     best, density = relative_densities(logs, 1)
     sure = relative_densities(logs[:, ::-1], 1)
     assert np.isfinite(joint_evidence(sure, (best, over_places(density, 4)))).all()
 
 
-def test_log_densities_counted_four_times_are_divided_by_four():
+def test_inverse_temperature_corrects_fourfold_log_densities():
     rng = np.random.default_rng(0)
     truth = rng.integers(2, size=4000)
     samples = truth + rng.standard_normal(4000)
@@ -141,9 +141,7 @@ def bars(shift):
 @pytest.mark.parametrize(
     ("shift", "slant_range", "trusted"), [(0, 10e3, 1.0), (6, 10e3, 0.5), (6, 200e3, 1.0)]
 )
-def test_silhouettes_are_trusted_as_far_as_views_left_out_are_recognized(
-    shift, slant_range, trusted
-):
+def test_silhouette_weight_follows_held_out_recognition(shift, slant_range, trusted):
     templates = bars(0)
     conditions = {"imager": IMAGER, "slant_range": slant_range, "gain_sigma": 1.0}
     of_learned, of_others = (

@@ -35,7 +35,7 @@ def test_evidence_is_a_gaussian_density_up_to_a_constant_of_each_sample(seed, ga
     assert np.abs(difference).max() < 1e-4
 
 
-def test_first_ships_are_nominal_and_variants_follow_by_number():
+def test_fleet_order_puts_nominal_ships_before_variants():
     names = [
         "texas@0.2x4",
         "roberts",
@@ -53,7 +53,7 @@ def test_first_ships_are_nominal_and_variants_follow_by_number():
 
 
 @given(st.integers(1, 400), st.integers(4, 60))
-def test_any_first_ships_have_enough_tests(tests, ships):
+def test_every_fleet_size_has_enough_tests(tests, ships):
     rows = views_of_ships(tests, ships)
     for fleet in range(4, ships + 1):
         least = rows[fleet - 1]
@@ -73,7 +73,7 @@ def test_shares_of_some_ships_do_not_depend_on_others():
     assert share[2] == first_share[0] and np.array_equal(resampled[2], first_resampled[0])
 
 
-def test_resampled_shares_scatter_as_binomials():
+def test_resampled_shares_have_binomial_variance():
     tests, resamples = 400, 4000
     right = np.random.default_rng(3).random((4, 100)) < 0.8
     evidence = np.zeros((400, 4))

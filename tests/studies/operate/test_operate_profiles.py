@@ -85,7 +85,7 @@ def test_noise_has_the_variance_of_frames_and_nearly_their_covariance():
 
 
 @pytest.mark.parametrize(("gain_sigma", "floor_sigma"), [(0.0, 0.0), (1.0, 0.0), (0.5, 2.0)])
-def test_likelihood_is_that_of_gaussian_templates_of_one_covariance(gain_sigma, floor_sigma):
+def test_likelihood_matches_gaussian_templates_of_one_covariance(gain_sigma, floor_sigma):
     rng, free, frames = np.random.default_rng(4), 50.0, 16
     templates = 5 * rng.random((3, BINS))
     tests = templates[[0, 1, 2, 0]] * np.array([[1.0], [0.7], [1.3], [0.0]])

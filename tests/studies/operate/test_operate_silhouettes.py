@@ -15,7 +15,7 @@ IMAGER = Imager(0.25, 2.16, 0.181e-3, 0.8, 0.3, 0.3)
 
 
 @pytest.mark.parametrize("footprint", [2.5, 7.5, 15.0])
-def test_silhouettes_are_those_of_the_library(footprint):
+def test_silhouettes_match_the_library(footprint):
     mesh = trimesh.creation.box((90, 12, 20)).apply_translation((0, 0, 10))
     views = draw_views(mesh, [0.0, 40.0, 90.0], spacing=0.5)
     places = [(0.1, 0.2), (0.7, 0.4), (0.5, 0.9)]
@@ -31,7 +31,7 @@ def test_silhouettes_are_those_of_the_library(footprint):
         assert np.array_equal(ours, exact[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
 
 
-def test_a_ship_that_the_window_does_not_hold_is_refused():
+def test_ship_larger_than_the_window_is_refused():
     views = draw_views(trimesh.creation.box((90, 12, 20)), [90.0], spacing=0.5)
     seen = seen_views(views, [(0.5, 0.5)], footprint=5.0)
     with pytest.raises(ValueError, match="length and height are 30 and 30 m"):
@@ -39,7 +39,7 @@ def test_a_ship_that_the_window_does_not_hold_is_refused():
 
 
 @pytest.mark.parametrize(("frames", "slant_range"), [(1, 50e3), (16, 50e3), (16, 80e3)])
-def test_two_known_silhouettes_are_told_apart_as_often_as_theory_says(frames, slant_range):
+def test_accuracy_for_two_silhouettes_matches_theory(frames, slant_range):
     count = 20_000
     templates = np.zeros((2, 1, 4, 12), bool)
     templates[0, 0, 1:3, 1:9] = templates[1, 0, 1:3, 1:11] = True  # 4 pixels apart

@@ -32,7 +32,7 @@ def shares(resamples=3):
 
 @pytest.mark.parametrize("ifov", [50e-6, 150e-6, 400e-6])
 @pytest.mark.parametrize(("frames", "cnr"), [(16, 32.0), (4, 20.0)])
-def test_cost_is_the_energy_sent_to_a_ship_times_the_area_of_the_aperture(frames, cnr, ifov):
+def test_cost_is_transmitted_energy_times_aperture_area(frames, cnr, ifov):
     def spent(frames, cnr, ifov):
         area = (10.6e-6 / ifov) ** 2  # of an aperture limited by diffraction
         energy = 10 ** (cnr / 10) / area  # of a pulse into an IFOV that is to return that CNR
@@ -42,7 +42,7 @@ def test_cost_is_the_energy_sent_to_a_ship_times_the_area_of_the_aperture(frames
     assert relative_cost(frames, cnr, ifov) == pytest.approx(ratio)
 
 
-def test_frames_are_those_of_the_setting_of_the_article():
+def test_frame_table_uses_the_article_setting():
     table = tabulate_frames(shares()).squeeze("fleet")
     assert table.frames.sel(range=100, channel="profile").item() == pytest.approx(NEEDED)
     assert table.frames.sel(range=100, channel="both").item() == pytest.approx(NEEDED / 2)
@@ -51,7 +51,7 @@ def test_frames_are_those_of_the_setting_of_the_article():
     assert table.frames.equals(table.frames_low) and table.frames.equals(table.frames_high)
 
 
-def test_the_cheapest_setting_is_the_least_of_all():
+def test_cheapest_table_minimises_cost_over_settings():
     table = tabulate_cheapest(shares()).squeeze("fleet").sel(range=100)
     # Frames go as the IFOV and the cost as its inverse square, so that the wider one is cheaper.
     # Effects of the CNR cancel; a short pulse needs fewer frames and costs nothing.

@@ -6,7 +6,7 @@ import pytest
 from docs._tables.sensitivity import grid_interpolant, interpolation_errors, sobol_indices
 
 
-def test_indices_of_a_product():
+def test_sobol_indices_of_a_product_are_analytic():
     """Of x + x y, uniform from -1 to 1, three quarters of the variance are of x alone."""
     ends = dict.fromkeys("xy", (-1.0, 1.0))
     indices = sobol_indices(lambda at: at[:, 0] * (1 + at[:, 1]), ends, samples=4096, seed=3)

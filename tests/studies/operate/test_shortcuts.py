@@ -15,7 +15,7 @@ def views():
 
 
 @pytest.mark.parametrize("setting", [Setting(100, 4), Setting(100, 16, 10)])
-def test_one_covariance_names_as_many_views_as_each_templates_own(views, setting):
+def test_shared_covariance_is_as_accurate_as_per_template_ones(views, setting):
     right = compare_likelihoods(setting, views, DRAWS)
     exact, shared, drawn = (right[name].astype(float) for name in ("exact", "one", "drawn"))
     assert 0.4 < exact.mean() < 0.99

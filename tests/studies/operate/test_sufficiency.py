@@ -11,7 +11,7 @@ from studies.operate.sufficiency import cheapest_setting, crossing, isotonic
 
 
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=9))
-def test_isotonic_values_are_those_of_scikit_learn(values):
+def test_isotonic_values_match_scikit_learn(values):
     exact = IsotonicRegression().fit_transform(np.arange(len(values)), values)
     assert np.allclose(isotonic([values])[0], exact, atol=1e-12)
 
@@ -36,7 +36,7 @@ def test_crossing_at_the_ends_and_half_way():
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_cheapest_is_the_least_of_all(seed):
+def test_cheapest_setting_minimises_cost(seed):
     rng = np.random.default_rng(seed)
     axes = {"range": [50.0, 100.0], "cnr": [20.0, 26.0, 32.0], "ifov": [75.0, 150.0]}
     values = rng.random((2, 3, 2, 21))

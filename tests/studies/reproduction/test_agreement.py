@@ -13,7 +13,7 @@ from studies.reproduction.agreement import (
 )
 
 
-def test_binomial_variance_is_that_of_laplaces_rule():
+def test_binomial_variance_follows_laplaces_rule():
     """A beta posterior has the mean (k + 1) / (n + 2); many trials leave p (1 - p) / n."""
     k, n = np.array([0, 3, 10]), 10
     p = (k + 1) / (n + 2)
@@ -21,7 +21,7 @@ def test_binomial_variance_is_that_of_laplaces_rule():
     assert binomial_variance(30, 1e9) == pytest.approx(1e4 * 0.3 * 0.7 / 1e9, rel=1e-7)
 
 
-def test_distances_of_right_figures_have_a_chi_square_distribution():
+def test_distances_at_the_truth_are_chi_square_distributed():
     """This holds for figures that vary together, at a level of 1 in 1,000."""
     rng = np.random.default_rng(3)
     sigma, article = rng.uniform(1, 5, 4), rng.uniform(0, 100, 4)
@@ -33,7 +33,7 @@ def test_distances_of_right_figures_have_a_chi_square_distribution():
     assert kstest(chi_square(simulated, article, sigma**2), chi2(4).cdf).pvalue < 1e-6
 
 
-def test_the_posterior_of_linear_figures_is_the_normal_one():
+def test_posterior_of_a_linear_model_is_the_analytic_normal():
     """Two parameters of three figures A p, with a flat prior, have covariance (A' S^-1 A)^-1.
 
     Figures are simulated with noise of variance v, and the distance has the sum of variances:
@@ -61,7 +61,7 @@ def test_the_posterior_of_linear_figures_is_the_normal_one():
 
 
 @pytest.mark.parametrize("effective", [40.0, 150.0])
-def test_the_temperature_is_that_of_the_effective_number_asked_for(effective):
+def test_temperature_yields_the_requested_effective_sample_size(effective):
     """On a grid of spacing h normal weights of deviation s count for 2 sqrt(pi) s / h settings."""
     h, sigma = 0.05, 0.25
     grid = np.arange(-400, 401) * h
@@ -72,20 +72,20 @@ def test_the_temperature_is_that_of_the_effective_number_asked_for(effective):
     assert posterior.mean(grid**2) ** 0.5 == pytest.approx(wide, rel=1e-6)
 
 
-def test_all_settings_are_left_where_nothing_tells_them_apart():
+def test_equal_distances_give_uniform_weights():
     for distance in (np.zeros(9), np.full(9, 1e4)):
         posterior = posterior_weights(distance, effective=9)
         np.testing.assert_allclose(posterior.weight, 1 / 9)
         assert posterior.temperature == 1
 
 
-def test_quantiles_count_values_by_their_weight():
+def test_quantiles_are_weighted():
     posterior = Posterior(np.array([0.1, 0.2, 0.7]), 1.0)
     columns = np.array([[1.0, 9.0], [2.0, 8.0], [3.0, 7.0]])
     assert posterior.quantiles(columns, [0.2, 0.5]).tolist() == [[2.0, 7.0], [3.0, 7.0]]
 
 
-def test_figures_that_no_setting_reaches_are_counted_by_hand():
+def test_reach_matches_manual_counts():
     simulated = np.array([[10.0, 50.0, 3.0], [30.0, 60.0, 5.0], [50.0, 40.0, 7.0]])
     variance = np.array([[25.0, 25.0, 1.0]] * 3)
     reach = measure_reach(simulated, [22.0, 90.0, 5.0], variance)

@@ -19,7 +19,7 @@ def article():
     return np.array([figure.value for figure in figures()])
 
 
-def test_figures_are_those_of_the_article_in_the_order_of_simulated_tables():
+def test_article_figures_follow_the_order_of_simulated_tables():
     tables = article_figures()
     by_row = {
         **{n: [table["training"], *table["frames"].values()] for n, table in (
@@ -41,7 +41,7 @@ def test_figures_are_those_of_the_article_in_the_order_of_simulated_tables():
     assert len(names) == len(figures())
 
 
-def test_variances_are_binomial_and_those_of_our_means():
+def test_variances_add_binomial_and_simulation_error():
     spread = np.full((1, len(article())), 3.0)
     settings = compared(article()[None], spread=spread)
     for figure, variance in zip(figures(), settings.variance[0], strict=True):
@@ -51,7 +51,7 @@ def test_variances_are_binomial_and_those_of_our_means():
         assert variance == pytest.approx(article_variance + 3.0**2 / 4)
 
 
-def test_averages_of_the_same_frames_vary_together():
+def test_averages_of_shared_frames_are_correlated():
     """Within a table and bin they vary as averages of a random walk; no others vary together."""
     agreement = compared(article()[None])
     names = [f"{figure.table}, {figure.name}" for figure in agreement.figures]
@@ -67,7 +67,7 @@ def test_averages_of_the_same_frames_vary_together():
     np.testing.assert_array_equal(agreement.correlation, agreement.correlation.T)
 
 
-def test_figures_that_are_off_together_exclude_less():
+def test_correlated_deviations_reduce_the_distance():
     up = article()[None].copy()
     rows = [figure.table == 4 and figure.frames > 0 for figure in figures()]
     up[:, rows] += 10
@@ -76,7 +76,7 @@ def test_figures_that_are_off_together_exclude_less():
     assert 0.4 * separate < together < 0.7 * separate
 
 
-def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chosen():
+def test_setting_equal_to_the_article_is_fitted_for_any_tables():
     rng = np.random.default_rng(1)
     mean = np.clip(article() + rng.normal(0, 25, (200, len(article()))), 0, 100)
     mean[17] = article()
@@ -90,7 +90,7 @@ def test_a_setting_with_the_articles_figures_is_fitted_whatever_tables_are_chose
     np.testing.assert_allclose(parts, settings.distance((2, 3, 4, 5)))
 
 
-def test_only_parameters_that_decide_are_informed():
+def test_only_influential_parameters_gain_information():
     """Figures follow one number and one word; all other parameters have the bits of chance."""
     draws = [assumed(number) for number in range(512)]
     value = np.array([[PRIORS[n].number(draw[n]) for n in PRIORS] for draw in draws])

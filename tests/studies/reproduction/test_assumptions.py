@@ -12,7 +12,7 @@ NUMBERS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, In
 WORDS = {name: prior for name, prior in PRIORS.items() if isinstance(prior, Choice)}
 
 
-def test_a_setting_is_its_number_in_one_series():
+def test_setting_is_a_point_of_one_sobol_sequence():
     """A series drawn at once has the same settings."""
     series = Sobol(len(PRIORS), scramble=True, seed=7).random(16)
     for number in (0, 1, 6, 15):
@@ -23,7 +23,7 @@ def test_a_setting_is_its_number_in_one_series():
     assert assumed(3, seed=7) != assumed(3, seed=8)
 
 
-def test_every_value_is_drawn_as_often_as_it_is_probable():
+def test_draw_frequencies_follow_the_prior():
     """256 points of the sequence lie evenly on every axis, in any 256 parts of it."""
     draws = [assumed(number) for number in range(256)]
     for name, prior in NUMBERS.items():
@@ -45,12 +45,12 @@ def test_shares_and_values_are_inverse(name, share):
     assert 0 <= prior.classes(value) < CLASSES
 
 
-def test_a_logarithmic_prior_has_its_geometric_mean_in_the_middle():
+def test_median_of_a_logarithmic_prior_is_the_geometric_mean():
     assert Interval(1.0, 100.0, "", "", logarithmic=True).at(0.5) == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("name", WORDS)
-def test_words_are_numbered_in_their_order(name):
+def test_categorical_values_are_numbered_in_order(name):
     prior = WORDS[name]
     for index, value in enumerate(prior.values):
         assert prior.at((index + 0.5) / len(prior.values)) == value

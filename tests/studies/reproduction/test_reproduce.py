@@ -13,7 +13,7 @@ GROUP = "reproduction"
 
 
 @pytest.mark.usefixtures("one_variant")
-def test_more_settings_continue_fewer_and_are_compared_with_the_article(tmp_path, cache):
+def test_extended_store_equals_one_computed_at_once(tmp_path, cache):
     """A store of one setting, extended to two, equals one of two at once, bit for bit."""
     for count in (1, 2):
         finished = swept(

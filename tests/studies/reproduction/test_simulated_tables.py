@@ -46,7 +46,7 @@ def extent(name, aspect):
     return range_extent(lines, slant_range=1e5)
 
 
-def test_averages_have_the_moments_of_frames_and_share_their_first():
+def test_averages_have_frame_moments_and_share_first_frames():
     """Means, variances and covariances with a longer average are exact within 5 errors."""
     count, frames = 4000, (32, 8)
     ship_extent = extent("duncan", 60.0)
@@ -80,7 +80,7 @@ def test_percent_by_bin_is_counted_by_hand():
     np.testing.assert_allclose(percent_by_bin(right, aspect), [[50, 100, 200 / 3], [0, 0, 100]])
 
 
-def test_the_spread_of_a_table_is_that_of_one_draw():
+def test_table_spread_is_the_standard_deviation_of_one_draw():
     scores = Simulated.of([[40.0, 60.0], [60.0, 60.0]])
     np.testing.assert_allclose(scores.mean, [50, 60])
     np.testing.assert_allclose(scores.spread, [np.sqrt(200), 0])
@@ -95,7 +95,7 @@ def test_orders_present_ships_or_aspects_first():
     assert len(orders) == 4 and all(sorted(order) == [0, 1, 2, 3, 4, 5] for order in orders)
 
 
-def test_scores_do_not_depend_on_where_a_view_stands():
+def test_scores_do_not_depend_on_the_index_of_a_view():
     """Views in other places, presented in the same order, have the same scores."""
     rng = np.random.default_rng(6)
     number, aspect = np.repeat(np.arange(4), 9), np.tile(np.linspace(0, 90, 9), 4)
@@ -139,7 +139,7 @@ def test_a_threshold_keeps_the_largest_region_above_it():
         np.testing.assert_array_equal(mask, ndimage.binary_fill_holes(regions == largest))
 
 
-def test_the_defaults_give_the_tables_of_sweeps():
+def test_defaults_reproduce_the_documented_tables():
     """`docs/reproduction.md` has the tables, of other draws and lines twice as dense.
 
     They agree within four errors of both means: the page's, and ours of twelve draws.
@@ -158,7 +158,7 @@ def test_the_defaults_give_the_tables_of_sweeps():
 
 
 @pytest.mark.parametrize(("free", "cnr"), [(0, 60.0), (1000, 10**3.2)])
-def test_ships_are_named_as_often_as_from_frames_drawn_one_by_one(free, cnr):
+def test_normal_averages_have_the_accuracy_of_sampled_frames(free, cnr):
     """The largest cosine names a view, from four frames, which are the least normal.
 
     Shares of two samples of answers to the same views differ by less than four errors.

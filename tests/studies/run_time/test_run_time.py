@@ -24,7 +24,7 @@ VIEW = {"aspect": 60.0, "depression": 3.84}
 PLACE = {"ship": "texas"}
 
 
-def test_errors_are_those_of_the_library_beside_the_reference(tmp_path):
+def test_errors_match_the_library_relative_to_the_reference(tmp_path):
     assert not swept(tmp_path / "s.zarr", tmp_path / "cache", *SMALL).failures
     measured = opened(tmp_path / "s.zarr", "run_time").squeeze(SINGLE)
     ship = ncti.ships.load("texas")

@@ -20,13 +20,13 @@ def field_of(rows, columns):
     return Field(width=(columns - 0.5) * IFOV, height=(rows - 0.5) * IFOV, ifov=IFOV)
 
 
-def test_the_sources_field_has_the_pixels_it_is_said_to_have():
+def test_source_field_has_the_stated_number_of_pixels():
     assert Field(width=math.radians(3), height=math.radians(2), ifov=IFOV).shape == (233, 350)
     assert Field(width=0.03, height=0.015, ifov=IFOV).pixel(0.0, 0.0) == (100, 50)
 
 
 @given(HOT, REACH)
-def test_every_hot_pixel_is_in_one_detection_and_no_other_is(hot, reach):
+def test_detections_partition_the_hot_pixels(hot, reach):
     detections = detect(hot.astype(float), threshold=0.5, reach=reach)
     pixels = [tuple(pixel) for detection in detections for pixel in detection.pixel.tolist()]
     assert sorted(pixels) == sorted((column, row) for row, column in np.argwhere(hot).tolist())
@@ -36,7 +36,7 @@ def test_every_hot_pixel_is_in_one_detection_and_no_other_is(hot, reach):
 
 
 @given(HOT, REACH)
-def test_detections_are_apart_and_hang_together(hot, reach):
+def test_detections_are_separated_and_connected(hot, reach):
     regions = detect(hot.astype(float), threshold=0.5, reach=reach)
     for k, region in enumerate(regions):
         for earlier in regions[:k]:
@@ -58,7 +58,7 @@ def test_detections_are_apart_and_hang_together(hot, reach):
     detector=st.integers(1, 4),
     data=st.data(),
 )
-def test_a_cue_holds_the_whole_ship_whatever_is_seen_of_it(ship, more, detector, data):
+def test_cue_contains_the_whole_ship_from_any_visible_part(ship, more, detector, data):
     left, bottom, columns, rows = ship
     cells = np.argwhere(np.ones((columns, rows), bool)) + np.array([left, bottom])
     reach = (columns - 1 + more[0], rows - 1 + more[1])  # of the largest ship, at least as large
@@ -73,7 +73,7 @@ def test_a_cue_holds_the_whole_ship_whatever_is_seen_of_it(ship, more, detector,
 
 
 @pytest.mark.parametrize("false_alarm", [1e-2, 1e-3])
-def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_alarm):
+def test_detection_and_false_alarm_rates_match_the_library(false_alarm):
     """600 draws and their 600 x 288 pixels of sea pass binomial z-tests at 4 sigma (6e-5)."""
     field, draws = field_of(15, 20), 600
     ship = np.argwhere(np.ones((6, 2), bool)) + np.array([7, 6])
@@ -99,7 +99,7 @@ def test_detections_and_false_alarms_are_as_probable_as_the_library_says(false_a
     assert abs(alarms - sea * false_alarm) < 4 * math.sqrt(sea * false_alarm)
 
 
-def test_what_is_farther_on_a_flat_sea_is_higher():
+def test_farther_points_on_a_flat_sea_appear_higher():
     sensor = {"middle_range": 100e3, "depression": math.radians(3.84)}
     assert elevation(100e3, **sensor) == pytest.approx(0.0, abs=1e-15)
     # The sensor is 6,697 m up: 105 km away it looks down by asin(0.06378) = 3.657 deg.

@@ -39,7 +39,7 @@ def table(store):
     return opened(store, "tables/scan").squeeze(SINGLE)
 
 
-def test_every_target_is_detected_or_not_and_every_detection_is_of_something(scan):
+def test_detection_counts_are_consistent(scan):
     assert (scan.detected == scan.right + scan.wrong + scan.turned_away).all()
     assert (scan.decoys == 1).all() and (scan.decoys_rejected <= scan.decoys_detected).all()
     assert (scan.false_rejected <= scan.false).all()
@@ -53,7 +53,7 @@ def test_every_target_is_detected_or_not_and_every_detection_is_of_something(sca
     assert ((scan.accepted >= 0) == (scan.source > -2)).all()
 
 
-def test_time_is_the_closed_form_of_the_visits(scan):
+def test_search_time_matches_the_closed_form(scan):
     visits = (scan.source > -2).sum("detection")
     np.testing.assert_allclose(scan.slewing.isel(frame_count=0), 0.1 * visits)
     field = {"width": np.radians(3), "height": np.radians(2)}
@@ -64,7 +64,7 @@ def test_time_is_the_closed_form_of_the_visits(scan):
     np.testing.assert_allclose(scan.total, scan.imaging + scan.slewing + scan.dwelling)
 
 
-def test_the_sea_is_no_ship_and_what_is_near_is_named(scan):
+def test_sea_is_rejected_and_near_ships_are_identified(scan):
     """By 16 frames some 70 visits to the sea are rejected, and two ships at 50 km are named."""
     long = scan.sel(frame_count=16)
     assert int(long.false.sum()) > 30
@@ -80,7 +80,7 @@ def test_the_decoy_is_never_counted_as_a_ship(scan):
     assert set(answers.tolist()) <= set(range(SHIPS))  # no template is the decoy's
 
 
-def test_company_changes_nothing(scan, tmp_path):
+def test_cell_results_do_not_depend_on_other_cells(scan, tmp_path):
     overrides = ("grid.range=100", "grid.frame_count=16", "grid.replicate=2")
     assert not swept(tmp_path / "a.zarr", tmp_path / "cache", *SMALL, *overrides).failures
     repeated = opened(tmp_path / "a.zarr", "scan").squeeze()
@@ -114,7 +114,7 @@ def test_the_table_counts_all_draws(scan, table):
 # The parts
 
 
-def test_a_detection_is_of_the_target_with_most_of_its_pixels():
+def test_detection_belongs_to_the_target_with_most_pixels():
     pixels = np.argwhere(np.ones((5, 1)))
     assert owner(pixels, np.array([[-1, -1, 2, 1, 2]])) == 2
     assert owner(pixels[:2], np.array([[-1, -1]])) == -1
@@ -129,7 +129,7 @@ def test_a_search_counts_ships_decoys_and_alarms():
     }
 
 
-def test_a_view_has_the_depression_and_the_size_of_its_own_range():
+def test_view_has_the_depression_and_scale_of_its_own_range():
     """A barge abeam at 40 to 60 km shows side and deck, at the depression of its own range."""
     barge = box(120.0, 20.0, 8.0)
     scene = {"depth": 0.2, "slant_range": 50e3, "depression": 3.84, "length": 360, "height": 120}

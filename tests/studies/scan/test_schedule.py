@@ -21,7 +21,7 @@ def test_the_sources_field_has_175_by_117_places():
 
 
 @given(st.integers(1, 200), st.integers(1, 200), st.integers(1, 8))
-def test_places_cover_without_one_to_spare(columns, rows, detector):
+def test_position_count_is_the_fewest_that_cover_the_field(columns, rows, detector):
     positions = position_count(columns * IFOV, rows * IFOV, element=IFOV, detector=detector)
     across, up = -(-columns // detector), -(-rows // detector)
     assert positions == across * up
@@ -41,7 +41,7 @@ def test_the_imager_steps_over_a_field_wider_than_its_array():
     pulse_rate=st.floats(10, 1e5),
     slew_time=st.floats(0, 1),
 )
-def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, pulse_rate, slew_time):
+def test_search_time_is_the_sum_of_its_parts(visits, frame_count, pulse_rate, slew_time):
     rates = Rates(2, pulse_rate, 256, 16, 30.0, slew_time)
     boxes = [Box(0, 0, 2 * positions, 2) for positions in visits]
     search = rates.schedule(Field(**SOURCE, ifov=IFOV), boxes, frame_count)
@@ -52,5 +52,5 @@ def test_parts_add_up_and_time_follows_frames_and_rate(visits, frame_count, puls
     assert search.exhaustive == pytest.approx(175 * 117 * frame_count / pulse_rate)
 
 
-def test_a_pulse_is_back_before_the_next():
+def test_maximum_pulse_rate_is_unambiguous_in_range():
     assert max_pulse_rate(100e3) == pytest.approx(1499, abs=0.5)
