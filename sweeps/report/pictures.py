@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 FONT_SIZE = 8.5  # points
 PROFILE_ASPECT, BOW_TO_BEAM = 30.0, (0.0, 30.0, 60.0, 90.0)  # deg, of the article's Figures 3 to 5
 IMAGE_ASPECT = 60.0  # deg, of its Figures 6 to 8
-TITLE_HEIGHT = 0.25  # inches, of the title of a panel
+SCALE_BAR = 50.0  # m, drawn below its images
 LINE_SPACING = 1.15  # between lines above one another
 DPI = 100  # of pictures of the page
 SHIPS, CONFUSED = "ships", "classification"  # groups
@@ -97,6 +97,7 @@ def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title
 def draw_silhouettes(store: PathOrUrl) -> Figure:
     """Draw infrared images and log-polar maps of a ship by range and super-resolution."""
     from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
 
     images = read_group(open_store(store), "infrared")
     dims = ("ship", "aspect", "range", "super_resolution", "row", "col", "angle", "radius")
@@ -104,36 +105,47 @@ def draw_silhouettes(store: PathOrUrl) -> Figure:
     ship = "spruance" if "spruance" in view.ship.values else view.ship.values[0]
     view = view.sel(ship=ship)[["image", "log_polar"]].load()
     ranges, ways = view.range.values, view.super_resolution.values
-    views = [[view.sel(range=r, super_resolution=way) for way in ways] for r in ranges]
+    panels = [
+        [_image_and_map(view.sel(range=r, super_resolution=way)) for way in ways] for r in ranges
+    ]
     # Crop all images to the smallest, on one scale, so that the ship has one length in all.
-    extents = np.array([_crop_image(panel)[1] for row in views for panel in row])
+    extents = np.array([extent for row in panels for _, extent, _ in row])
     (left, low), (right, high) = extents[:, ::2].max(axis=0), extents[:, 1::2].min(axis=0)
-    width = 10.0 / len(ways)
-    height = width * (high - low) / (right - left) + TITLE_HEIGHT
-    figure = Figure(figsize=(10.0, 1.5 * height * len(ranges) + TITLE_HEIGHT), dpi=130)
-    top = 1 - 2 * TITLE_HEIGHT / figure.get_figheight()
-    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.01, top=top, wspace=0.05, hspace=0.2)
-    ratios = [2, 1] * len(ranges)  # below each image its map
-    panels = figure.subplots(2 * len(ranges), len(ways), squeeze=False, height_ratios=ratios)
-    for row, image_axes, map_axes in zip(views, panels[::2], panels[1::2], strict=True):
-        for panel, above, below in zip(row, image_axes, map_axes, strict=True):
-            image, extent = _crop_image(panel)
-            above.imshow(image, extent=extent, cmap="inferno", origin="lower")
-            above.set(xlim=(left, right), ylim=(low, high))
+    width, height, gap = right - left, high - low, 0.04 * (right - left)
+    tall, margin = 1.5 * height, 3 * gap  # with the map, which is below the image
+    size = np.array([len(ways) * (width + gap) + margin, len(ranges) * (tall + gap) + margin])
+    figure = Figure(figsize=10.0 * size / size[0], dpi=130)
+    # One pair of axes for all: drawing the ticks of many takes longer than the images.
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    text = partial(axes.annotate, fontsize=FONT_SIZE, ha="center", va="center")
+    for n, row in enumerate(panels):
+        top = -n * (tall + gap)
+        text(f"{ranges[n]:g} km", (-1.2 * gap, top - tall / 2), rotation="vertical")
+        for k, (image, extent, cells) in enumerate(row):
+            start = k * (width + gap)
+            frame = Rectangle((start, top - height), width, height, transform=axes.transData)
+            moved = extent + np.repeat([start - left, top - high], 2)
+            axes.imshow(image, extent=moved, cmap="inferno", origin="lower").set_clip_path(frame)
+            below = (start, start + width, top - tall, top - height)
+            axes.imshow(cells, extent=below, cmap="Blues", origin="lower")
             span = f"{np.nanmin(image):.1f} to {np.nanmax(image):.1f} K"
-            way = printable(str(panel.super_resolution.item()))
-            words = f"{panel.range:g} km, super-resolution {way}, {span}"
-            above.set_title(words, fontsize=FONT_SIZE)
-            cells = panel.log_polar.transpose("radius", "angle")
-            below.imshow(cells, cmap="Blues", origin="lower", aspect="auto")
-    for axes in panels.flat:
-        axes.set_axis_off()
-    title = (
-        f"{printable(str(ship))}, aspect {float(view.aspect):g}°, {int(view.frame_count)} frames"
-    )
-    words = f"{right - left:.0f} m wide; below each image its log-polar map, radius over angle"
-    figure.suptitle(f"{title}, {words}")
+            box = {"facecolor": "black", "edgecolor": "none", "alpha": 0.5, "pad": 1.5}
+            text(span, (start + width - gap, top - gap), color="w", ha="right", bbox=box)
+    for k, way in enumerate(ways):
+        text(f"super-resolution: {printable(str(way))}", (k * (width + gap) + width / 2, gap))
+    axes.plot([0.0, SCALE_BAR], [-size[1] + margin] * 2, color="k", lw=2)
+    aspect, frames = float(view.aspect), int(view.frame_count)
+    words = f"{SCALE_BAR:g} m; {printable(str(ship))}, aspect {aspect:g}°, {frames} frames; "
+    words += "below each image its log-polar map, radius over angle"
+    text(words, (SCALE_BAR + gap, -size[1] + margin), ha="left")
+    axes.set(xlim=(gap - margin, size[0] - margin), ylim=(margin - gap - size[1], margin - gap))
+    axes.set_axis_off()
     return figure
+
+
+def _image_and_map(view: xr.Dataset) -> tuple[Floats, Floats, NDArray[Any]]:
+    """Return an image without its empty margins, its edges [m] and its log-polar map."""
+    return *_crop_image(view), view.log_polar.transpose("radius", "angle").values
 
 
 def _crop_image(view: xr.Dataset) -> tuple[Floats, Floats]:
