@@ -68,7 +68,7 @@ __all__ = [
 ]
 
 DATA_FUNCTIONS = ("dataset", "load_xy", "to_numpy")
-"""Functions of `data` that are here, too."""
+"""Functions of `data` that this package re-exports."""
 
 
 def __getattr__(name: str) -> Any:

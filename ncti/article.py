@@ -30,8 +30,9 @@ def article_figures() -> dict[str, Any]:
 class Figure:
     """A figure of the article's Tables 2 to 5, percent correct or a number of categories.
 
-    `trials` is the number of views behind the percentage, 0 for categories; `frames` the number of
-    frames averaged in its tests, whose first frames other figures share, or 0 if none does.
+    `trials` is the number of views behind the percentage, 0 for categories. `frames` is the number
+    of frames averaged in its tests; other figures share their first frames. It is 0 for a figure
+    that shares no frames.
     """
 
     table: int

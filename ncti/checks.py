@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-# Units of parameters, wherever their docstrings have one.
+# Unit of each parameter name, the same in all docstrings that state one.
 UNITS = {
     name: unit
     for unit, names in {
@@ -58,16 +58,16 @@ def require(
         # An integer too large for a float; its digits would fill pages.
         number = value = math.inf if value > 0 else -math.inf
     limits = {"minimum": minimum, "maximum": maximum, "below": below}
-    in_bounds = _are_bounds_met(number, number, positive=positive, **limits)
+    in_bounds = _is_range_allowed(number, number, positive=positive, **limits)
     if in_bounds and not (whole and number % 1):
         return
-    ranged = minimum > -math.inf and maximum < math.inf
+    has_both_limits = minimum > -math.inf and maximum < math.inf
     bounds = ["above 0"] if positive else []
-    bounds += [f"from {minimum:g} to {maximum:g}"] if ranged else []
-    bounds += [f"at least {minimum:g}"] if minimum > -math.inf and not ranged else []
-    bounds += [f"at most {maximum:g}"] if maximum < math.inf and not ranged else []
+    bounds += [f"from {minimum:g} to {maximum:g}"] if has_both_limits else []
+    bounds += [f"at least {minimum:g}"] if minimum > -math.inf and not has_both_limits else []
+    bounds += [f"at most {maximum:g}"] if maximum < math.inf and not has_both_limits else []
     bounds += [f"below {below:g}"] if below < math.inf else []
-    kind = "a whole number" if whole else "a number" if ranged else "a finite number"
+    kind = "a whole number" if whole else "a number" if has_both_limits else "a finite number"
     unit = f" {UNITS[name]}" if name in UNITS else ""
     text = f"{_short_text(value)}{unit if math.isfinite(number) else ''}"
     allowed = f"{kind} {' and '.join(bounds) or 'in' * bool(unit)}".rstrip()
@@ -75,7 +75,7 @@ def require(
 
 
 def require_instance(name: str, value: Any, kind: type) -> None:
-    """Raise `ValueError` unless `value` is of a class that a package of the library exports."""
+    """Raise `ValueError` unless `value` is a `kind`, a class exported by a package of `ncti`."""
     if not isinstance(value, kind):
         package = ".".join(kind.__module__.split(".")[:2])
         raise ValueError(
@@ -102,10 +102,10 @@ def _are_in_bounds(array: NDArray[Any], *, whole: bool = False, **bounds: Any) -
     if not array.size:
         return True
     lowest, highest = float(array.min()), float(array.max())  # a NaN is both
-    return _are_bounds_met(lowest, highest, **bounds) and not (whole and (array % 1).any())
+    return _is_range_allowed(lowest, highest, **bounds) and not (whole and (array % 1).any())
 
 
-def _are_bounds_met(
+def _is_range_allowed(
     lowest: float,
     highest: float,
     *,

@@ -1,7 +1,8 @@
 """Functions compiled by numba, with a cache in the user's folder, never in the package.
 
-Only this module uses private names of numba, as of versions 0.61 to 0.68: no public one covers the
-constants of other modules, or keeps the code in memory when the cache cannot be written.
+Only this module uses private names of numba, in versions 0.61 to 0.68: the public API neither
+invalidates the cache when constants of other modules change, nor keeps code in memory when the
+cache cannot be written.
 """
 
 from __future__ import annotations
@@ -39,14 +40,14 @@ def compiled(function: F) -> F:
         # numba may have chosen another folder.
         if dispatcher is None or not dispatcher.stats.cache_path.startswith(config.CACHE_DIR):
             return cast(F, compile_()(function))
-        _keep_if_possible(dispatcher._cache)
+        _ignore_cache_errors(dispatcher._cache)
         _stamp(dispatcher._cache, function)
         return cast(F, dispatcher)
     finally:
         config.CACHE_DIR = before
 
 
-def _keep_if_possible(cache: Any) -> None:
+def _ignore_cache_errors(cache: Any) -> None:
     """Make a cache of numba tolerate files that it cannot read or write, as on a full disk."""
     load, save = cache.load_overload, cache.save_overload
 
@@ -103,9 +104,9 @@ event.register("numba:compile", announcer)
 
 
 def keep(loops: CompiledLoops) -> None:
-    """Compile loops in this process; others load their machine code, if there is a folder for it.
+    """Compile loops, and cache their machine code for other processes if there is a folder for it.
 
-    It logs nothing: the caller reports the compilation.
+    The function logs nothing: the caller reports the compilation.
     """
     before, announcer.was_logged = announcer.was_logged, True
     try:

@@ -17,7 +17,7 @@ def labelled_array(dims: str | tuple[str, ...], values: Any, units: str, name: s
 
 
 def labelled_dataset(columns: Mapping[str, tuple[Any, ...]]) -> xr.Dataset:
-    """Return a table of arrays, each with its label and perhaps its unit."""
+    """Return a data set of columns (array, label[, unit]); the unit is "1" by default."""
     import xarray as xr
 
     dataset = xr.Dataset({name: array for name, (array, *_) in columns.items()})

@@ -1,4 +1,4 @@
-"""Loops that are compiled together, and the folder of their machine code; numba is not imported."""
+"""Groups of compiled loops and the cache folder of their machine code, without importing numba."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _is_private(place: Path) -> bool:
 
 
 def _place(source: Path) -> Path:
-    """Return the folder of the functions of a source file, named as numba does."""
+    """Return the subfolder that numba uses for the functions of a source file."""
     digest = hashlib.sha1(str(source.parent).encode()).hexdigest()
     return Path(folder(), f"{source.parent.name}_{digest}")
 
@@ -73,17 +73,17 @@ class CompiledLoops:
     def are_missing(self) -> bool:
         """Return whether the folder lacks machine code of the current source.
 
-        False without a folder. File times alone decide; if they are wrong, as with another release
-        of numba, the loops are compiled when they are first called.
+        It is False without a folder. Only file times are compared; if they mislead, as with another
+        release of numba, the loops are compiled on their first call.
         """
         return bool(folder()) and not all(_is_compiled(*name.rsplit(".", 2)) for name in self.names)
 
 
 @contextmanager
 def compiling_ahead(*loops: CompiledLoops) -> Iterator[None]:
-    """Compile missing loops in another process while this context computes, which then waits.
+    """Compile missing loops in another process while the context runs; wait for it on exit.
 
-    A loop that the context calls before its machine code is there is compiled here, too. On one
+    A loop called in the context before its machine code exists is also compiled here. On a single
     processor, nothing is compiled ahead.
     """
     calls = [part.warm_up for part in loops if processor_count() > 1 and part.are_missing()]

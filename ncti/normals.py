@@ -43,8 +43,8 @@ def put_streams(key: Words, first: int, cell: NDArray[np.int64], out: Words) -> 
 def draw_run(key: Words, streams: Words, begin: int, out: Singles) -> None:
     """Write successive pairs of normals of each stream to `out` (frame, 2 cell, pair).
 
-    `streams` (frame, cell) are as of `put_streams`, `begin` is the number of the first pair. A row
-    has the first normals of a cell's pairs, the next row the second ones.
+    `streams` (frame, cell) are from `put_streams`; `begin` is the number of the first pair. Rows
+    2 i and 2 i + 1 hold the first and the second normals of the pairs of cell i.
     """
     for frame in range(streams.shape[0]):
         for i in range(streams.shape[1]):
@@ -59,8 +59,8 @@ def draw_places(
 ) -> None:
     """Write the numbered pairs of normals of each stream to `out` (frame, 2, place).
 
-    `number` (place,) are numbers of pairs in their stream, those of each cell from `first` (cell +
-    1,) on; `out` begins at ``first[0]``.
+    `number` (place,) are numbers of pairs in their stream. Cell i has the places from ``first[i]``
+    to before ``first[i + 1]``, with `first` (cell + 1,); `out` begins at place ``first[0]``.
     """
     for frame in range(streams.shape[0]):
         lower, upper = out[frame, 0], out[frame, 1]
@@ -73,9 +73,9 @@ def draw_places(
 def _layers() -> tuple[Singles, NDArray[np.uint32], Singles]:
     """Return the widths, thresholds and heights of the ziggurat.
 
-    All 256 layers have the area of the lowest, tail included. Widths are per step of a 23-bit
-    mantissa; below its threshold, in such steps, a number lies within the next layer too; (512,)
-    both, the second half negative.
+    All 256 layers have the area of the lowest, tail included. Widths (512,) are per step of a
+    23-bit mantissa, negative in the second half. Numbers whose mantissa is below the threshold
+    (512,) of their layer also lie within the next layer.
     """
     area = TAIL * math.exp(-(TAIL**2) / 2) + math.sqrt(math.pi / 2) * math.erfc(TAIL / math.sqrt(2))
     edge = [TAIL]
@@ -130,7 +130,7 @@ def _pair(stream: np.uint64, step: np.uint64, number: int) -> tuple[np.float32, 
 
 @compiled
 def _normal(half: np.uint64) -> np.float32:
-    """Return the place in a layer from 32 bits: layer (8), sign (1) and mantissa (23)."""
+    """Return the candidate normal of 32 bits: layer (8), sign (1) and mantissa (23)."""
     return np.float32(np.int32(half >> U9)) * WIDTH[np.int64(half & SIGNED_LAYER)]
 
 

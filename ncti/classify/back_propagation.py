@@ -32,9 +32,10 @@ class Layer:
     def back_propagate(
         self, inputs: Floats, answers: Floats, errors: Floats, level: float
     ) -> tuple[Layer, Floats]:
-        """Return the gradient of a loss in the layer's parameters, and in its net inputs w.x.
+        """Return the gradient of a loss with respect to the layer's parameters and net inputs w.x.
 
-        The latter is (sample, node), like `answers` and `errors`, the derivatives by the outputs.
+        The latter is (sample, node), like the outputs `answers`, and `errors`, the derivatives of
+        the loss with respect to the outputs.
         """
         slopes = errors * ((1.0 - answers) * (1.0 + answers)) * (level / 2)
         net = slopes * self.factors
@@ -58,13 +59,13 @@ class Network:
     @classmethod
     def seed(cls, n_inputs: int, n_outputs: int, random: np.random.RandomState) -> Network:
         """Return a network with one hidden node, with zero weights to the outputs."""
-        hidden = Layer(*_new_node(n_inputs, random), np.ones(1))
+        hidden = Layer(*_draw_node(n_inputs, random), np.ones(1))
         output = Layer(np.zeros((n_outputs, 1)), np.zeros(n_outputs), np.ones(n_outputs))
         return cls(hidden, output)
 
     def grow(self, random: np.random.RandomState) -> None:
         """Add a hidden node with zero weights to the outputs."""
-        weights, offsets = _new_node(self.hidden.weights.shape[1], random)
+        weights, offsets = _draw_node(self.hidden.weights.shape[1], random)
         node = Layer(weights, offsets, np.ones(1))
         rest = Layer(np.zeros_like(weights), np.zeros(1), np.zeros(1))
         for (hidden, output), new in (
@@ -105,7 +106,7 @@ class Network:
             np.clip(layer.factors, *GAIN_FACTOR, out=layer.factors)
 
 
-def _new_node(n_inputs: int, random: np.random.RandomState) -> tuple[Floats, Floats]:
+def _draw_node(n_inputs: int, random: np.random.RandomState) -> tuple[Floats, Floats]:
     """Return random (1, input) weights and a (1,) offset of a new node.
 
     The offset must not be zero: a node without offset is odd in its inputs, and on data symmetric

@@ -90,7 +90,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         self.templates_, lengths = unit_vectors(vectors)
         if not lengths.any():
             raise ValueError("X has only zero vectors, but must have one with a direction")
-        self._silent = lengths == 0.0
+        self._is_zero = lengths == 0.0
         return self
 
     def match(self, X: ArrayLike, *, exclude: ArrayLike = False) -> tuple[Indices, Floats]:
@@ -154,7 +154,7 @@ class CorrelationNeighbour(ClassifierMixin, BaseEstimator):
         """
         directions, lengths = unit_vectors(vectors)
         cosines = directions @ self.templates_.T
-        hidden = excluded | self._silent
+        hidden = excluded | self._is_zero
         if hidden.any():
             cosines[np.broadcast_to(hidden, cosines.shape)] = -np.inf
         highest = cosines.max(axis=1)

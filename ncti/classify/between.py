@@ -19,9 +19,9 @@ def cells(
 ) -> tuple[Floats, Floats]:
     """Return tangent and residual (template, bin) of templates, from neighbours of the same label.
 
-    They are the change of profiles within the cell of aspects that a template represents: the
-    difference from the template at one standard deviation of the aspect within the cell, and the
-    scale of the difference that remains.
+    Both describe how profiles change within the cell of aspects that a template represents: the
+    tangent is the difference from the template at one standard deviation of the aspect within the
+    cell, the residual the scale of the remaining difference.
 
     `means` (template, bin) are mean profiles, `labels` (template,), `aspects` (template,) [deg],
     distinct within a label; `correlation` (lag,) is that of noise between bins, as wide as the
@@ -96,8 +96,8 @@ def alternate_templates(
 def halves(names: NDArray[Any], aspects: Floats) -> list[NDArray[np.bool_]]:
     """Return two masks (template,) of templates to leave out in turn, or none.
 
-    The first mask is of `alternate_templates`, the second has the other templates except the ends
-    of each label; there are none if no label has enough templates.
+    The first mask is that of `alternate_templates`; the second marks the other templates, except
+    those at the ends of each label. The list is empty if no label has enough templates.
     """
     second, _ = alternate_templates(names, aspects)
     between = np.zeros(len(names), dtype=bool)

@@ -11,7 +11,7 @@ HELD_ROWS = 8 * ROWS
 
 
 def row_blocks(count: int, rows: int = ROWS) -> Iterator[slice]:
-    """Yield slices that cover `count` rows in order, each of `rows`, the last of up to one more.
+    """Yield slices of `rows` rows that cover `count` rows in order; the last has up to one more.
 
     Matrix products in blocks of rows equal the whole product to the bit if the library adds the
     terms of an element in the same order everywhere in the matrix. OpenBLAS does, except for

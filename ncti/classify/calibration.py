@@ -52,8 +52,9 @@ def fit_outlier_fraction(
     weight. Width and weight were fitted to right answers of fusion at random aspects.
 
     A held-out template lies a whole step from the next one, a new aspect up to half a step, and at
-    a template there is no outlier fraction. Failures are taken as independent chances that grow
-    with the square of the distance, whose mean is 1/12, so that e becomes 1 - (1 - e)^(1/12).
+    a template there is no outlier fraction. Failures are taken as independent events whose rate
+    grows with the square of the distance. Its mean is 1/12 of that at a held-out template, so that
+    e becomes 1 - (1 - e)^(1/12).
     """
     sets = halves(templates.labels_, templates.aspect_) if templates.template_error_ else []
     if not sets:
@@ -113,13 +114,13 @@ def fit_temperature_and_outliers(
     (sample,) are numbers from 0, every true label has a template, and `weights` are (sample,). The
     factor is 0 if no sample has two different scores, or all templates have one label.
 
-    Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599) fits the factor to other samples
-    than it is used for; it does not change the order of templates, but decides the weight of one
-    sensor against another. Log densities have the factor 1 and need no fit. A factor alone must be
-    small enough for the worst answers, so it discards information of the others, and yet leaves
-    wrong answers overconfident. Here the probability of the true label is (1 - e) p + e / labels,
-    with p the posterior at the inverse temperature s; s and e maximise its likelihood, with one
-    right and one wrong answer added, as n correct answers in n do not make the next one certain
+    Temperature scaling (Guo et al., ICML 2017, arXiv:1706.04599) fits the factor on samples other
+    than those it is applied to; it does not change the order of templates, but decides the weight
+    of one sensor against another. Log densities have the factor 1 and need no fit. A factor alone
+    must be small enough for the worst answers, so it discards information in the others, and still
+    leaves wrong answers overconfident. Here the probability of the true label is (1 - e) p + e /
+    labels, with p the posterior at the inverse temperature s; s and e maximise its likelihood, with
+    one right and one wrong answer added, as n correct answers in n do not make the next one certain
     (Platt, in Advances in Large Margin Classifiers, MIT Press 1999).
     """
     classes = int(labels.max()) + 1

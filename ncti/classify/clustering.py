@@ -105,14 +105,18 @@ class Similarities:
 
     @property
     def coordinates(self) -> Floats:
-        """Coordinates (sample, coordinate) of the training directions; categories are their sums.
+        """Coordinates (sample, coordinate) of the training directions; categories are sums of them.
 
-        They are the features, or the training directions themselves if these are no more.
+        The coordinates are the features or, if features are no fewer than training vectors, the
+        weights of the training directions.
         """
         return self.directions if self.has_few_features else np.eye(len(self.directions))
 
     def products(self, directions: Floats) -> Floats:
-        """Return factors that turn a category's coordinates into cosines to (..., feature) ones."""
+        """Return the matrix that maps coordinates of categories to their cosines with `directions`.
+
+        `directions` are (..., feature), the result is (..., coordinate).
+        """
         return directions if self.has_few_features else directions @ self.directions.T
 
     @cached_property
@@ -343,9 +347,9 @@ def move_categories(
 ) -> tuple[Indices, Floats]:
     """Move categories towards vectors that match them best; return the matches and their cosines.
 
-    `directions` (category, feature) and `lengths` (category,) of categories W are changed in
-    place, by W += (X - W) dt for one vector X of `vectors` (test, feature) after the other. Zero
-    vectors match nothing: -1, with a cosine of 0.
+    `directions` (category, feature) and `lengths` (category,) of categories W are changed in place,
+    by W += (X - W) dt for each vector X of `vectors` (test, feature) in turn. A zero vector matches
+    no category: its match is -1, its cosine 0.
     """
     category = np.full(len(vectors), NO_CATEGORY)
     cosine = np.zeros(len(vectors))
@@ -384,9 +388,9 @@ def _presentation_order(similarities: Similarities, order: Indices | None) -> In
 def _single_sample_rows(
     similarities: Similarities, blocks: list[Indices], width: int
 ) -> list[Floats]:
-    """Return the rows of single-sample categories, as of `_Categories`, block by block.
+    """Return the rows of `_Categories` for categories of a single sample, block by block.
 
-    Few samples are one block.
+    Up to `BLOCK` samples form one block.
     """
     coordinates = similarities.coordinates
     singles = []

@@ -83,20 +83,20 @@ def label_posterior(
     priors = require_all("log_prior", log_prior)
     require_shape("log_prior", priors, (), names.shape, values.shape)
     if priors.ndim:
-        values = values + _normalised_priors(np.atleast_2d(priors), label, answers)
+        values = values + _normalise_priors(np.atleast_2d(priors), label, answers)
     return classes, posterior_of(values, member, answers)
 
 
-def _normalised_priors(
+def _normalise_priors(
     priors: Floats, label: NDArray[np.integer], answers: NDArray[np.bool_]
 ) -> Floats:
-    """Return log priors, normalised so that answering templates of a label have mean prior 1."""
+    """Normalise log priors so that the included templates of a label have mean prior 1."""
     masked = np.where(answers, priors, -np.inf)
     mean = np.zeros_like(masked)
     for number in range(label.max() + 1):
         templates = label == number
         total = np.logaddexp.reduce(masked[:, templates], axis=1, keepdims=True)
-        answered = np.isfinite(total)  # of the label answers
+        answered = np.isfinite(total)  # true if a template of the label is included
         mean[:, templates] = np.where(
             answered,
             total - np.log(np.isfinite(masked[:, templates]).sum(1)[:, None] + ~answered),

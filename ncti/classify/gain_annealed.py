@@ -227,7 +227,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
         # Train until the tolerance is met; every cycle adds a node and raises the gain level.
         random = check_random_state(self.random_state)
         network = Network.seed(inputs.shape[1], len(self.classes_), random)
-        level = self._level(0)
+        level = self._gain_level(0)
         loss, gradient = network.loss_and_gradient(inputs, targets, level)
         self.loss_curve_ = [loss]
         self.n_iter_ = 0
@@ -236,7 +236,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
             if cycle and epoch == 0:
                 if cycle < self.max_hidden:
                     network.grow(random)
-                level = self._level(cycle)
+                level = self._gain_level(cycle)
                 loss, gradient = network.loss_and_gradient(inputs, targets, level)
             network.step(gradient, self.learning_rate)
             loss, gradient = network.loss_and_gradient(inputs, targets, level)
@@ -321,7 +321,7 @@ class GainAnnealedNetwork(ClassifierMixin, BaseEstimator):
             inputs = (vectors - self.centre_) / self.scale_
         return np.clip(inputs, -MAX_INPUT, MAX_INPUT)
 
-    def _level(self, cycle: int) -> float:
+    def _gain_level(self, cycle: int) -> float:
         """Return the gain level of a cycle."""
         last = self.max_hidden - 1
         if not self.annealing or cycle >= last:

@@ -28,7 +28,7 @@ from ncti.classify.between import alternate_templates, cells
 from ncti.classify.constraints import Interval, fit_context
 from ncti.classify.fusion import label_posterior
 
-UNKNOWN_ERROR = 1.0  # with too few templates to leave some out: the residual's full scale
+UNCALIBRATED_ERROR = 1.0  # with too few templates to leave some out: the residual's full scale
 CALIBRATION_FRAMES = 16  # frames in the averages used for calibration
 ERROR_BOUNDS = 1e-4, 1e2  # bounds of the template error
 MAX_PRIOR = 1e6  # of any prior: flat compared to the likelihood, with a finite square
@@ -179,8 +179,8 @@ class GaussianTemplates(BaseEstimator):
             Label of each template, such as a ship; templates may share labels.
         floor : array_like
             Noise floor included in `mean`, which does not scale with the gain of the target: one
-            number, (bin,) or as the mean, with one bin or all. Of profiles that hold no ship at the
-            edges of their window ``mean[..., :1]``; 0 only where the floor has been removed.
+            number, (bin,) or as the mean, with one bin or all. For profiles without a ship at the
+            edges of the window use ``mean[..., :1]``; use 0 only if the floor has been removed.
         aspect : (template,) array_like, optional
             Aspect of each template [deg], distinct among templates of a label. Required with a
             template error.
@@ -225,7 +225,7 @@ class GaussianTemplates(BaseEstimator):
             if self.template_error is None:
                 if rng is None:
                     raise ValueError("rng is None, but calibration needs a random generator")
-                self.template_error_ = UNKNOWN_ERROR  # so that calibration uses the cells
+                self.template_error_ = UNCALIBRATED_ERROR  # so that calibration uses the cells
                 self.template_error_ = calibrated_error(self, rng)
             else:
                 self.template_error_ = float(self.template_error)
@@ -321,7 +321,7 @@ class GaussianTemplates(BaseEstimator):
         return result.reshape(*gains.shape, len(samples), -1)
 
     def peak(self, frame_count: int, *, gain_sigma: float | None = None) -> Floats:
-        """Return the greatest log density under each template, that of one of its means.
+        """Return the highest log density under each template, reached at one of its means.
 
         Parameters
         ----------
@@ -431,7 +431,7 @@ def calibrated_error(templates: GaussianTemplates, rng: np.random.Generator) -> 
 
     out, neighbours = alternate_templates(templates.labels_, templates.aspect_)
     if not out.any():
-        return UNKNOWN_ERROR
+        return UNCALIBRATED_ERROR
     samples, rest = templates.draw_averages(out, CALIBRATION_FRAMES, rng), templates.without(out)
     priors = np.array([[templates.gain_sigma, templates.floor_sigma]])
     answering = [(t, rows) for t, rows in enumerate(neighbours.T) if rows.any()]

@@ -7,7 +7,7 @@ import numpy as np
 from ncti.machine_code import CompiledLoops
 
 
-def _whiten() -> None:
+def _compile_loops() -> None:
     """Call both loops, which compiles them."""
     from ncti.classify.bands import densities, whiten
 
@@ -18,5 +18,5 @@ def _whiten() -> None:
 DENSITIES = CompiledLoops(
     "densities of range profiles",
     ("classify.whitening.solve_band", "classify.whitening.band_products"),
-    _whiten,
+    _compile_loops,
 )

@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def log_fit(scores: Floats, peak: ArrayLike, bins: int) -> Floats:
-    """Return the log probability (..., template) of samples of a template that fit it worse.
+    """Return the log probability (..., template) that a sample of a template fits it worse.
 
     `scores` (..., template) and `peak` (template,) are `log_likelihood` and `peak` of
     `GaussianTemplates`. Twice their difference is the squared Mahalanobis distance, chi-squared

@@ -33,9 +33,9 @@ def aspect_prior(
     -------
     (sample, template) float64 ndarray
         Natural logarithm of the probability that a normal deviate about the report lies in the
-        cell of the template, which reaches half-way to its neighbours, or a turn beside it. Not
-        normalised, since a range of aspects may end beside the report; `label_posterior` does that
-        for each label.
+        cell of the template, which reaches half-way to its neighbours, or in the cell shifted by a
+        full turn. Not normalised, since the range of aspects may not reach the report;
+        `label_posterior` normalises it for each label.
 
     Raises
     ------
@@ -50,8 +50,8 @@ def aspect_prior(
 
     Examples
     --------
-    Templates every 10 degrees; a track that reports 12 within 2 degrees leaves that at 10, and one
-    within 20 degrees all:
+    Templates every 10 degrees; a report of 12 with a deviation of 2 degrees leaves the template at
+    10, one with 20 degrees leaves all:
 
     >>> import numpy as np
     >>> from ncti.classify import aspect_prior

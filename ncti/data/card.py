@@ -104,8 +104,8 @@ def card(split: Split) -> dict[str, Any]:
         "creator": {"@type": "sc:Organization", "name": "The ncti-sweep authors"},
         "citeAs": CITATION,
         "keywords": ["laser radar", "range profile", "ship identification", "simulation"],
-        "distribution": [_file(part, rows) for part, rows in parts.items()],
-        "recordSet": [_records(part, rows) for part, rows in parts.items()],
+        "distribution": [_describe_file(part, rows) for part, rows in parts.items()],
+        "recordSet": [_describe_records(part, rows) for part, rows in parts.items()],
     }
 
 
@@ -138,19 +138,19 @@ def save(split: Split, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for part, rows in parts_of(split).items():
         with (folder / f"{part}.jsonl").open("wb") as file:
-            file.writelines(_lines(rows))
+            file.writelines(_encode_rows(rows))
     (folder / CARD).write_text(json.dumps(card(split), indent=1) + "\n", encoding="utf-8")
 
 
-def _columns(rows: xr.Dataset) -> list[str]:
+def _column_names(rows: xr.Dataset) -> list[str]:
     """Return the names of the variables of a row that the card describes."""
     variables = (str(name) for name in rows.variables if "row" in rows[name].dims)
     return [name for name in variables if name not in LEFT_OUT]
 
 
-def _lines(rows: xr.Dataset) -> Iterator[bytes]:
+def _encode_rows(rows: xr.Dataset) -> Iterator[bytes]:
     """Yield the lines of a part's file, numbers with enough digits to be distinct."""
-    columns = _columns(rows)
+    columns = _column_names(rows)
     for k in range(rows.sizes["row"]):
         values = {name: rows[name].values[k] for name in columns}
         texts = (f"{json.dumps(name)}: {_json_value(value)}" for name, value in values.items())
@@ -164,20 +164,20 @@ def _json_value(value: Any) -> str:
     return f"{value:.9g}" if value.dtype == np.float32 else json.dumps(value.item())
 
 
-def _file(part: str, rows: xr.Dataset) -> dict[str, Any]:
+def _describe_file(part: str, rows: xr.Dataset) -> dict[str, Any]:
     """Return the description of a part's file."""
     digest = sha256()
-    for line in _lines(rows):
+    for line in _encode_rows(rows):
         digest.update(line)
     name = f"{part}.jsonl"
     entry = {"@type": "cr:FileObject", "@id": name, "name": name, "description": PARTS[part]}
     return entry | {"contentUrl": name, "encodingFormat": ENCODING, "sha256": digest.hexdigest()}
 
 
-def _records(part: str, rows: xr.Dataset) -> dict[str, Any]:
+def _describe_records(part: str, rows: xr.Dataset) -> dict[str, Any]:
     """Return the description of a part's rows."""
     fields = []
-    for name in _columns(rows):
+    for name in _column_names(rows):
         variable = rows[name]
         units = variable.attrs.get("units", "1")
         label = variable.attrs["long_name"] + (f" [{units}]" if units != "1" else "")

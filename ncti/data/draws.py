@@ -50,9 +50,9 @@ def uniform_numbers(seed: int, key: int, numbers: NDArray[np.int64], columns: in
 def sampler(name: str, given: Any, bounds: Bounds) -> Callable[[Floats], Floats]:
     """Return the function that turns (row,) uniform random numbers into values of a parameter.
 
-    `given` is a value; a list, each value of which is equally probable; a tuple, an interval to
-    draw from uniformly, ends included for whole numbers; or a distribution of `scipy.stats`, by its
-    `ppf`. Values out of bounds raise `ValueError`.
+    `given` is a value; a list of equally probable values; a tuple (low, high), an interval to draw
+    from uniformly, with both ends included for whole numbers; or a distribution of `scipy.stats`,
+    inverted by its `ppf`. Values out of bounds raise `ValueError`.
     """
     inverse = getattr(given, "ppf", None)
     if callable(inverse):

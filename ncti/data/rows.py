@@ -139,12 +139,13 @@ def dataset(
     Parameters
     ----------
     ships : sequence of str, Path or trimesh.Trimesh
-        Ships: names, paths or meshes as of `ncti.simulate.range_profile`. Each is drawn once, in
-        random order, in as many views as there are ships.
+        Ships: names, paths or meshes as of `ncti.simulate.range_profile`. Each block of as many
+        views as there are ships shows every ship once, in random order.
     count : int
         Number of rows.
     seed : int
-        Seed. A row depends only on it and on its number: fewer rows are the first of more.
+        Seed. A row depends only on the seed and on its number, so a smaller data set is the
+        beginning of a larger one.
     first : int
         Number of the first row: rows of one seed can be made in parts, in any order.
     workers : int
@@ -168,8 +169,9 @@ def dataset(
     gain : drawn
         Amplitude gain of the target: the factor of its expected profile above the floor.
     floor : drawn
-        Shift of the noise floor in all bins, in rms deviations of a frame of the view. Both as
-        `ncti.classify.GaussianTemplates` takes them as unknown; noise is that of the nominal gain.
+        Shift of the noise floor in all bins, in rms deviations of a frame of the view. Gain and
+        floor are the unknowns of `ncti.classify.GaussianTemplates`; noise is drawn at the nominal
+        gain.
     rows_per_view : int
         Rows of a view, numbered one after the other: ship, aspect, depression and slant range are
         drawn for each view, all else for each row. Views are rendered once.
@@ -182,10 +184,10 @@ def dataset(
     spacing : float
         Distance between lines across the ship [m].
     far_field_error : float
-        Largest relative error of range extents by drawing the far field in place of the slant
-        range; an attribute of the result. Where it allows, ranges share an image.
+        Largest relative error of range extents from drawing the far field instead of the slant
+        range; an attribute of the result. Ranges share an image if the error allows it.
     expected : bool
-        Whether the expectation of each profile is returned, too.
+        Whether to return the expectation of each profile as well.
     imager : ncti.infrared.Imager
         The imager, its noise, the air and the scene; those of sweeps when not given.
     super_resolution : {"none", "perfect", "shifted"}
@@ -204,7 +206,8 @@ def dataset(
     ------
     ValueError
         If a ship cannot be loaded or does not fit into the window, a parameter is out of range, or
-        one of the laser radar is given where there is none; before anything is simulated.
+        a parameter of the laser radar is given for the imager alone. All checks precede the
+        simulation.
 
     See Also
     --------
@@ -215,9 +218,9 @@ def dataset(
     -----
     Speckle and noise follow Equations A and B of [1]_, frame by frame, and images Appendix 2. The
     ship lies anywhere on the IFOVs, and anywhere on the imager's pixels; both places are drawn for
-    each row. Its silhouette is the matched segmentation's of
-    `ncti.features.segment`. A distribution is drawn by its inverse from a number of the row, so
-    that each parameter is the same whatever the others are.
+    each row. Its silhouette comes from the matched segmentation of `ncti.features.segment`. A
+    distribution is sampled by inverting it at a random number of the row, so that a parameter does
+    not change with the choice of the others.
 
     References
     ----------
@@ -344,8 +347,8 @@ def parameters(
 ) -> Arrays:
     """Return the parameters (row,) drawn for the rows of a data set, without simulating them.
 
-    `numbers` (row,) are the rows' numbers; `row` and `view` are among the parameters, and `ship` is
-    a number. Other arguments are as of `dataset`.
+    `numbers` (row,) are row numbers. The result includes `row`, `view`, and `ship` as an index. For
+    the other arguments see `dataset`.
     """
     if isinstance(given["aspect"], str) and given["aspect"] == RANDOM:
         given["aspect"] = (0.0, 360.0)

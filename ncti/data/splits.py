@@ -153,13 +153,13 @@ def split(
     name : str
         One of `ncti.data.SPLITS`, which has the question of each.
     seed : int
-        Seed. Training and test are drawn by seeds that follow from it, different ones, so that no
-        draw of noise, view or variant is in both.
+        Seed. Training and test use different seeds derived from it, so that no draw of noise, view
+        or variant is in both.
     ships : sequence of str
         Names of the ships that are learned.
     train, test : int
-        Number of rows: eight of a view in training, two in a test. There are half as many rows of
-        an unknown ship as of tests.
+        Number of rows: eight of a view in training, two in a test. An unknown ship has half as many
+        rows as the test.
     workers : int
         Processes, as of `ncti.dataset`.
 
@@ -170,8 +170,8 @@ def split(
     Raises
     ------
     ValueError
-        If there is no such split, a ship is unknown or is to be unknown, or a number is out of its
-        range.
+        If there is no such split, a ship does not exist or is one that tests must reject, or a
+        number is out of range.
 
     See Also
     --------
@@ -181,12 +181,12 @@ def split(
 
     Notes
     -----
-    Aspects are of one side of a ship: its other side shows nearly the same, and would leak. All
-    splits but `aspect-gap`, `range-shift` and `variant` have one training for a seed, and all tests
-    of aspects at random have the same views and noise for a seed, so that splits differ by their
-    conditions alone. The sector of `aspect-gap` is the sixth of the side whose
-    number is the seed modulo 6. The drift of `sensor-shift` is drawn for each row: gain and floor
-    of normal distributions, the carrier-to-noise ratio 3 dB less.
+    Aspects are of one side of a ship: its other side shows nearly the same, and would leak. For one
+    seed, all splits except `aspect-gap`, `range-shift` and `variant` share their training, and all
+    tests at random aspects share views and noise, so that splits differ only in their conditions.
+    The sector of `aspect-gap` is the sixth of the side whose number is the seed modulo 6. The drift
+    of `sensor-shift` is drawn for each row: gain and floor of normal distributions, the
+    carrier-to-noise ratio 3 dB less.
 
     Examples
     --------
@@ -234,7 +234,7 @@ def recipe(name: str, part: str, *, seed: int, ships: Sequence[str]) -> tuple[li
             f"ships is {ships!r:.60}, but must be at least two ships without {SISTER} and "
             f"{UNRELATED}, which are unknown"
         )
-    arguments = NOMINAL | _changes(name, part, seed)
+    arguments = NOMINAL | _changed_parameters(name, part, seed)
     arguments |= {"seed": _row_seed(name, part, seed), "rows_per_view": PER_VIEW[part]}
     return _ships(name, part, seed, ships), arguments
 
@@ -277,7 +277,7 @@ def _ships(name: str, part: str, seed: int, ships: Sequence[str]) -> list[str]:
     return [f"{ship}@0.{number}" for ship in ships for number in sorted(half.tolist())]
 
 
-def _changes(name: str, part: str, seed: int) -> Rows:
+def _changed_parameters(name: str, part: str, seed: int) -> Rows:
     """Return the parameters of a part that differ from the nominal ones."""
     from scipy.stats import norm, rv_histogram
 

@@ -84,8 +84,8 @@ def load_xy(
     Raises
     ------
     ValueError
-        If there is no such store, group or value, a dimension is to be given, or the split has no
-        views.
+        If there is no such store, group or value, a required dimension is missing, or the split has
+        no views.
 
     See Also
     --------
@@ -115,7 +115,7 @@ def load_xy(
             )
         # One piece is read at once, a whole store block by block.
         return _vectors(open_rows(store, chunks=None if "piece" in where else {}, **where))
-    sensor = _sensor(store, classifier_group)
+    sensor = _find_sensor(store, classifier_group)
     group = _open_group(store, sensor)
     if group is None:
         raise ValueError(f"classifier_group is {classifier_group!r}, but the store lacks {sensor}")
@@ -179,7 +179,7 @@ def open_rows(
     Raises
     ------
     ValueError
-        If it is no such store, or has another dimension and `where` no value on it.
+        If it is not such a store, or `where` lacks the value of another dimension.
 
     See Also
     --------
@@ -221,7 +221,7 @@ def count_rows(store: str | Path) -> dict[int, int]:
 
 
 def _vectors(rows: xr.Dataset) -> Vectors:
-    """Return `to_numpy` of rows that are not loaded, with one block in memory at a time."""
+    """Convert lazily loaded rows by `to_numpy`, with one block in memory at a time."""
     coords = rows.drop_vars([*rows.data_vars]).load()
     vectors = None
     for start in range(0, rows.sizes["row"], AT_ONCE):
@@ -268,14 +268,14 @@ def _classifier_vectors(values: NDArray[Any], kind: str, classifier: str | None)
     """Return signatures as the vectors that a classifier takes."""
     if kind == "silhouette":
         return VECTORS[kind](values.astype(np.uint8))
-    as_stored = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in KEEP_FLOOR
-    return values if as_stored else VECTORS[kind](values)
+    keeps_floor = classifier is not None and classifier.removeprefix(CLASSIFIERS[:-2]) in KEEP_FLOOR
+    return values if keeps_floor else VECTORS[kind](values)
 
 
 def _open_groups(
     store: str | Path, names: Iterable[str], chunks: dict[str, int] | None = None
 ) -> Iterator[xr.Dataset]:
-    """Yield those of some groups that a store has."""
+    """Yield the named groups that exist in a store."""
     groups = (_open_group(store, name, chunks) for name in names)
     return (group for group in groups if group is not None)
 
@@ -298,7 +298,7 @@ def _open_group(
         raise ValueError(f"store is {str(store)!r}, but must be a store of a sweep") from error
 
 
-def _sensor(store: str | Path, classifier: str | None) -> str:
+def _find_sensor(store: str | Path, classifier: str | None) -> str:
     """Return the group of the sensor whose signatures a classifier takes."""
     if classifier is None:
         return next(

@@ -1,7 +1,7 @@
 """PyTorch data sets of a sweep's store: by row, and as a stream of batches.
 
-They need the extra ``torch`` where `torch.utils.data.DataLoader` reads them, and nothing else: a
-row is a vector of numpy and the number of its ship.
+They need the extra ``torch`` only for `torch.utils.data.DataLoader`: a row is a numpy vector and
+the index of its ship.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class StoredRows:
         classes: Sequence[str] | None = None,
         **where: Any,
     ) -> None:
-        # Tuples, which the cache of pieces can hash, and a mark of this object's own pieces, since
-        # the store may have grown after another one read it.
+        # Hashable key of the piece cache. The UUID keeps this object's pieces apart, since the
+        # store may have grown since another object read it.
         items = tuple((k, tuple(v) if isinstance(v, list) else v) for k, v in where.items())
         self.store, self._selection = str(store), (classifier_group, split, items, uuid4().hex)
         pieces = count_rows(store) if has_rows(store) else {}

@@ -36,13 +36,13 @@ def to_numpy(rows: xr.Dataset) -> Vectors:
     -------
     X : (row, feature) ndarray
         Profile vectors, as the project's classifiers take them: the noise floor, read off the edges
-        of the window, removed and the peak set to 1. Of an imager vectors of its maps, and of both
-        sensors those beside one another, a profile's first.
+        of the window, removed and the peak set to 1. For an imager, vectors of its maps; for both
+        sensors, both vectors concatenated, the profile's first.
     y : (row,) str ndarray
         Names of the ships.
     groups : (row,) int64 ndarray
-        The least view number of rows of the same ship, aspect and depression, at whatever range:
-        rows of a group share a view, and so must not be in training and in a test.
+        Smallest view number among rows of the same ship, aspect and depression, at any range. Rows
+        of a group share a view, so they must not be split between training and test.
 
     Raises
     ------

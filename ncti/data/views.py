@@ -51,7 +51,7 @@ class Recipe:
     `ships` are names, paths or meshes, and `sensor` is a word of `SENSOR_SETS`. Each frame
     accumulates `target_free_ifovs` besides the ship's. The imager's pixels are as wide as the
     IFOVs. Lines are `spacing` [m] apart, and `far_field_error` [1] is the largest error of drawing
-    the far field in place of a slant range. `expected` asks for expected profiles, too.
+    the far field in place of a slant range. `expected` requests expected profiles as well.
     """
 
     ships: tuple[Ship, ...]

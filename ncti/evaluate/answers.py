@@ -86,8 +86,8 @@ def accuracy_columns(
     """Return `accuracy`, `ci_low`, `ci_high` and `n` by aspect bin, prefixed, with long names.
 
     Answers (..., ship, aspect) are 1 if right, 0 if wrong, and negative if there is none.
-    Intervals of means over draws include views and draws (`replicated_accuracy`), with a `spread`.
-    Several kinds of `aspects` are scored separately, along a dimension of kinds.
+    For means over draws, intervals account for views and draws (`replicated_accuracy`), and
+    `spread` is added. Several kinds of `aspects` are scored separately, along a dimension of kinds.
     """
     import xarray as xr
 
@@ -141,8 +141,8 @@ def tabulate_scores(
     ----------
     classified : xarray.Dataset
         Over ship, aspect and others: `correct`, and perhaps `ship_correct` and
-        `training_correct`, 1 where right, 0 where wrong, negative where nothing was asked; perhaps
-        `training_category` and `passes`, as of `tabulate_categories`.
+        `training_correct`, 1 where right, 0 where wrong, negative where there is no answer;
+        optionally `training_category` and `passes`, as of `tabulate_categories`.
     aspects : mapping of str to (aspect,) xarray.DataArray of bool
         Kinds of aspects, whose tests are scored apart if there are several.
     shown : str

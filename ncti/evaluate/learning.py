@@ -71,7 +71,7 @@ def learning_curve(
     draws : sequence of int
         Rows of each of them.
     rng : numpy.random.Generator
-        Draws the order in which views are added; rows of a view are added in theirs.
+        Draws the order in which views are added; rows of a view are added in row order.
 
     Returns
     -------
@@ -88,8 +88,8 @@ def learning_curve(
 
     Notes
     -----
-    Smaller subsets are parts of larger ones, so that a curve shows the gain from more data, and
-    not the luck of another draw. The interval is of the tests, for this training.
+    Subsets are nested, so that a curve shows the gain from more data, and not the luck of another
+    draw. The interval covers the sampling of tests, for the given training.
 
     Examples
     --------

@@ -67,8 +67,8 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
     Notes
     -----
     Both areas are probabilities over pairs of an answer to a known class and one to an unknown
-    class [1]_: that the known one is more similar, a tie counting half, and that it is so and
-    right, too. The second curve is that of [2]_, with all answers to known classes counted.
+    class [1]_: that the known one is more similar, a tie counting half; and that it is also
+    correct. The second curve is that of [2]_, with all answers to known classes counted.
 
     References
     ----------
@@ -99,9 +99,9 @@ def open_set_scores(similarity: ArrayLike, correct: ArrayLike, known: ArrayLike)
         return OpenSetScores(auroc=np.nan, oscr=np.nan)
     # Unknown answers less similar than each known answer, ties counting half.
     below, up_to = (np.searchsorted(ranked, values[learned], side) for side in ("left", "right"))
-    beaten = (below + up_to) / 2
+    wins = (below + up_to) / 2
     return OpenSetScores(
-        auroc=float(beaten.sum() / pairs), oscr=float(beaten[right[learned]].sum() / pairs)
+        auroc=float(wins.sum() / pairs), oscr=float(wins[right[learned]].sum() / pairs)
     )
 
 

@@ -121,7 +121,7 @@ def tabulate_rejection(
             ("correct_known", vigilance, lambda level: ~rejected(level) & right, knowns),
             ("correct_where_rejected", up_to, lambda level: (similarity > level) & right, knowns),
         ):
-            share = _shares(levels, hits, counted, name)
+            share = _score_levels(levels, hits, counted, name)
             columns[name] = share[f"{name}_accuracy"]
             columns |= {name + end: share[name + end] for end in INTERVAL_SUFFIXES}
         parts.append(xr.Dataset(columns).expand_dims(aspects=[kind]))
@@ -136,16 +136,16 @@ def tabulate_rejection(
     return table
 
 
-def _shares(
+def _score_levels(
     levels: xr.DataArray,
     hits: Callable[[xr.DataArray], xr.DataArray],
     answered: xr.DataArray,
     name: str,
 ) -> xr.Dataset:
-    """Return `accuracy_columns` of all aspects together at each level, NaN without a level.
+    """Return `accuracy_columns` pooled over aspects at each level; NaN where the level is NaN.
 
-    `hits` gives the hits at levels, and `answered` masks the answers. It scores levels, on the last
-    axis of `levels`, in blocks.
+    `hits` returns the mask of hits at given levels, and `answered` masks the answers. Levels, on
+    the last axis of `levels`, are scored in blocks.
     """
     import xarray as xr
 

@@ -279,8 +279,8 @@ def paired_difference(
         sqrt((p2 - l2)^2 - 2 phi (p2 - l2) (u1 - p1) + (u1 - p1)^2),
 
     and the upper end likewise. For several draws phi is the correlation of the means of the views
-    of a bin; for one, it is that of the answers. A positive one has the correction for continuity,
-    and 0 stands where there is none.
+    of a bin; for one, it is that of the answers. A positive phi is corrected for continuity; an
+    undefined one counts as 0.
 
     References
     ----------

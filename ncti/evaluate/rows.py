@@ -32,7 +32,7 @@ class Reliability:
     Attributes
     ----------
     confidence : (bin,) float64 ndarray
-        Mean probability of the class named, of the answers in a bin of it; NaN without any.
+        Mean probability of the class named, over the answers in the bin; NaN without answers.
     fraction : (bin,) float64 ndarray
         Share of these answers that are right; NaN without any.
     n : (bin,) intp ndarray
@@ -64,8 +64,8 @@ class Scores:
     Attributes
     ----------
     accuracy : AspectAccuracy
-        Share of right answers to known classes by aspect bin, with 95 % intervals that know which
-        answers are to one view.
+        Share of right answers to known classes by aspect bin, with 95 % intervals that account for
+        several answers to the same view.
     classes : (class,) ndarray
         Known classes, sorted.
     confusion : (class, class) intp ndarray
@@ -162,8 +162,8 @@ def score(
         Classes learned, in the order of the columns of `predicted`. Rows of other classes are
         unknown. By default all classes of `y`.
     similarity : (row,) array_like, optional
-        What tells known classes from unknown ones, larger for known ones. By default the largest
-        value of `predicted`.
+        Score that separates known from unknown classes, larger for known ones. By default the
+        largest value of `predicted`.
 
     Returns
     -------

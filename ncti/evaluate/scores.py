@@ -34,8 +34,8 @@ class AspectAccuracy:
     labels : tuple of str
         Names of the bins, from the aspects in them ("0-27"); the last is "overall".
     fraction : (..., bin) float64 ndarray
-        Correct answers over answers, in [0, 1]; NaN if there are none. Of a difference of two
-        classifiers, that of their fractions, in [-1, 1].
+        Correct answers over answers, in [0, 1]; NaN if there are none. If `is_difference`, the
+        difference of two classifiers' fractions, in [-1, 1].
     ci_low, ci_high : (..., bin) float64 ndarray
         Ends of the confidence interval of the fraction.
     n : (..., bin) intp ndarray

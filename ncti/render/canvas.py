@@ -1,8 +1,8 @@
 """Drawing of facet numbers by pyrender's renderer and scene.
 
-Importing this module imports OpenGL: `ncti.render.opengl.bind_platform` comes before. Private names
-of pyrender and PyOpenGL are in this module alone, as in versions 0.1.45 and 3.1.7: no public one
-draws without walking through the scene for every image.
+Importing this module imports OpenGL: call `ncti.render.opengl.bind_platform` first. Only this
+module uses private names of pyrender 0.1.45 and PyOpenGL 3.1.7: the public API walks through the
+scene for every image.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ def _make_context(platform: str) -> Any:
     context = OSMesaPlatform(1, 1) if platform == "osmesa" else _software_egl()
     context.init_context()
     context.make_current()
-    # The process ends it: pyrender would destroy it in whichever thread collects it as garbage.
+    # Keep it until the process ends: pyrender would destroy it in whichever thread collects it.
     context.delete_context = lambda: None
     return context
 

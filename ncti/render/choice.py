@@ -11,7 +11,7 @@ from ncti.render.embree import EmbreeEngine
 from ncti.render.engine import Engine, EngineError
 from ncti.render.opengl import PyrenderEngine, bound_platform
 
-_LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {  # by engine, each one of several files
+_LIBRARIES: dict[str, tuple[tuple[str, ...], ...]] = {  # by engine: files of each library
     "osmesa": (("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so"),),
     "egl": (("libEGL.so.1", "libEGL.so"), ("libOpenGL.so.0", "libGL.so.1", "libGL.so")),
     "embree": (),
@@ -57,8 +57,8 @@ def available_engines() -> tuple[str, ...]:
 def choose_engine(name: str) -> str:
     """Return the name of an engine that can run here, or raise `EngineError`.
 
-    "auto" is the first available of osmesa, egl and embree that the platform to which OpenGL is
-    bound in this process permits.
+    "auto" chooses the first available of osmesa, egl and embree that is compatible with the
+    platform to which OpenGL is bound in this process.
     """
     if name == "auto":
         with _lock:  # an engine that another thread is starting rules out others

@@ -81,8 +81,8 @@ def line_image(
     `ncti.render.view.ROLL`).
 
     Coplanar facets count as one surface (`ncti.render.surfaces.Surfaces`), so a line crosses few
-    edges. Threads share the lines, as many as OMP_NUM_THREADS says or the process has processors;
-    the result does not depend on their number.
+    edges. Lines are divided among OMP_NUM_THREADS threads, by default one per processor; the result
+    does not depend on their number.
 
     References
     ----------

@@ -14,8 +14,8 @@ from ncti.render.solid import MIN_COSINE, Solid, covered_columns
 from ncti.render.view import Lattice, View
 
 STEP = 2.0**-20
-"""Distance behind a facet at which a ray continues, over the ship's size: some rounding errors of
-float32."""
+"""Distance behind a facet at which a ray continues, relative to the ship's size: a few rounding
+errors of float32."""
 
 Indices = NDArray[np.intp]
 Floats = NDArray[np.float64]

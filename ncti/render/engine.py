@@ -16,7 +16,7 @@ class EngineError(RuntimeError):
 
     See Also
     --------
-    available_engines : Names of those that can.
+    available_engines : Names of engines that can run here.
 
     Examples
     --------

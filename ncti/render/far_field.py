@@ -29,8 +29,8 @@ def drawn_range(
     slant_range : float
         Distance from the sensor to the ship origin [m].
     tolerance : float, optional
-        Largest relative error of a range extent. A tenth of it is left to the far field; 1e-4
-        when not given.
+        Largest relative error of a range extent. Drawing the far field may use up a tenth of it,
+        or has an error of at most 1e-4 when it is not given.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def drawn_range(
 
     Notes
     -----
-    The bound is taken of the whole ship, so that all its views at a range are drawn alike.
+    The bound uses the reach of the whole ship, so that all views at a range are drawn the same way.
 
     Examples
     --------
@@ -79,6 +79,6 @@ def reach_of(vertices: ArrayLike) -> float:
 def sampling_tolerance(tolerance: float, drawn: float | None) -> float:
     """Return the part of a tolerance that remains for sampling, given the range of a view.
 
-    It is all of it at a slant range [m], and 1 - `SHARE` of it in the far field (None).
+    A view drawn at a slant range [m] leaves all of it, the far field (None) 1 - `SHARE` of it.
     """
     return tolerance if drawn is not None else (1.0 - SHARE) * tolerance

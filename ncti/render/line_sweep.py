@@ -28,7 +28,7 @@ CROSSING = np.dtype([("t", "f8"), ("depth", "f8"), ("ends", "u4"), ("begins", "u
 and begin there. One record, for locality in memory."""
 
 ONE_BEGINNING = 1 << 32
-"""One beginning of a surface, counted above the 32 bits of a crossing's number."""
+"""Increment of a count of beginnings, which lies above the 32 bits of a crossing's number."""
 
 
 STRIPS = 4096
@@ -158,8 +158,8 @@ def find_crossings(
         above = np.int64(np.ceil(point[i, 1] / spacing - phase))
         level[i] = rank_of(above, every, kept_line) - lowest
 
-    # Edges that count: their levels differ, and one of their sides is seen. There is no branch, as
-    # the processor could not predict it.
+    # Select edges whose levels differ and that border a surface facing the sensor. There is no
+    # branch, as the processor could not predict it.
     front = facing < len(facing) - 1  # one byte each, to stay in L1
     used = np.empty(len(edge) + 1, np.uint32)
     number, total = 0, np.int64(0)
@@ -186,10 +186,10 @@ def find_crossings(
         start[level[j]] -= 1
         # Upwards, the surface left of the edge ends there.
         x, y, q = point[i, 0], point[i, 1], point[i, 2]
-        run, per_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
+        run, inverse_rise, deep = point[j, 0] - x, 1.0 / (point[j, 1] - y), point[j, 2] - q
         for k in range(level[i], level[j]):
             line_y = (number_of(lowest + k, every, kept_line) + phase) * spacing
-            share = min(max((line_y - y) * per_rise, 0.0), 1.0)
+            share = min(max((line_y - y) * inverse_rise, 0.0), 1.0)
             t = x + run * share
             c = unsorted[n]
             c.t, c.depth, c.ends, c.begins = t, q + deep * share, left, right
@@ -254,7 +254,7 @@ def write_outlines(
 
 
 class ActiveSurfaces(NamedTuple):
-    """Surfaces below the present place on a line, in no order.
+    """Unordered list of the surfaces at the current place on a line.
 
     `crossing` (most,) uint32 is the crossing at which each began, `origin`, `base`, `tilt` (most,)
     coordinate and depth there and slope along the line; `slot` (most + 1,) int32 finds a surface in
@@ -292,9 +292,9 @@ def next_overtaking(
     which it is visible, `now` a coordinate at which the other is ahead. The slot is -1 if there is
     none.
     """
-    seen_at, first, place = depth_of(active, front, now), -1, now
+    visible_depth, first, place = depth_of(active, front, now), -1, now
     for i in range(count):
-        ahead = seen_at - depth_of(active, i, now)
+        ahead = visible_depth - depth_of(active, i, now)
         if ahead > DEPTH_TOLERANCE:
             closing = active.tilt[front] - active.tilt[i]
             passing = now - ahead / closing if closing > 0.0 else since

@@ -101,25 +101,25 @@ class LineImage:
         """(piece, 2) float64 ndarray: down-range where pieces begin and end [m], as of an image."""
         q, k = self.piece[:, 2:], self.curvature
         w = 1.0 / (1.0 - k * q)
-        square = self.piece[:, :2] ** 2 + (self._height**2)[:, None]
+        square = self.piece[:, :2] ** 2 + (self._line_position**2)[:, None]
         return q * w + k * w * square / (1.0 + np.sqrt(1.0 + k**2 * square))
 
     @property
     def cosine(self) -> Floats:
         """(piece,) float64 ndarray: cosine of incidence in the middle of each piece."""
         n = self.normal[self.surface] @ View(self.aspect, self.depression, self.roll).axes.T
-        x, y, k = self.piece[:, :2].mean(axis=1), self._height, self.curvature
+        x, y, k = self.piece[:, :2].mean(axis=1), self._line_position, self.curvature
         sight = np.sqrt(1.0 + k**2 * (x**2 + y**2))
         return np.maximum(-(n[:, 2] + k * (n[:, 0] * x + n[:, 1] * y)) / sight, 0.0)
 
     @property
-    def _height(self) -> Floats:
+    def _line_position(self) -> Floats:
         """(piece,) float64 ndarray: place of the piece's line along the rows' axis [m]."""
         return np.asarray(self.line + self.phase, dtype=np.float64) * self.spacing
 
     def cross_range(self) -> tuple[Floats, Floats]:
         """Return horizontal and vertical coordinates [m] of the ends of pieces, (piece, 2)."""
-        y = self._height[:, None]
+        y = self._line_position[:, None]
         cos, sin = cos_sin(self.roll)
         return self.piece[:, :2] * cos - y * sin, self.piece[:, :2] * sin + y * cos
 

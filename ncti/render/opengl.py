@@ -1,4 +1,4 @@
-"""Engines by OpenGL: pyrender's depth pass, in software, on OSMesa or EGL, bound once a process."""
+"""OpenGL engines: pyrender's depth pass in software, on OSMesa or EGL, one platform per process."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def bind_platform(name: str) -> None:
 def bound_platform() -> str | None:
     """Return the platform from which PyOpenGL loads its functions, None before it is imported.
 
-    Waits while another thread imports it, until when the platform has no name.
+    It waits for another thread that is importing it, as the platform has no name until then.
     """
     platform = sys.modules.get("OpenGL.platform")
     if platform is None:

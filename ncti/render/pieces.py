@@ -85,10 +85,10 @@ def down_range(q: Any, x: Any, y: Any, curvature: Any, wavefront: Any) -> Any:
 
 
 @inlined
-def range_and_bin(q: Any, x: Any, y: Any, depths: Depths, per_bin: float) -> tuple[float, float]:
+def range_and_bin(q: Any, x: Any, y: Any, depths: Depths, bins_per_m: float) -> tuple[float, float]:
     """Return the down-range [m] of a point and its place among the bins [bin], limited to them."""
     r = down_range(q, x, y, depths.curvature, depths.wavefront)
-    place = (r - (depths.edge - EDGE_TOLERANCE)) * per_bin
+    place = (r - (depths.edge - EDGE_TOLERANCE)) * bins_per_m
     return r, min(max(place, 0.0), depths.bins - 1e-9)
 
 
@@ -112,7 +112,7 @@ def bounds_of(
     turn: tuple[float, float],
     shift: tuple[float, float],
 ) -> tuple[float, float, float, float]:
-    """Return the least and greatest column and row that pieces reach; `turn` is per cell, too.
+    """Return the least and greatest column and row that pieces reach; `turn` is in [cell/m].
 
     Pieces of a line are in order: its first begin and its last end bound it.
     """
@@ -143,8 +143,8 @@ def cells_reached(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, tuple[float, float], int]:
     """Return the numbers of the cells that pieces may reach, -1 for others, which get no memory.
 
-    Also returns the cells, by rows, in which each piece begins and ends, the number of cells, and
-    of the rectangle that bounds them the lower left corner [cell] and the number of columns.
+    Also returns the cells, by rows, in which each piece begins and ends; the number of cells; and
+    the lower left corner [cell] and the number of columns of their bounding rectangle.
     """
     cos, sin = turn
     left, right, bottom, top = bounds_of(line, piece, spacing, phase, turn, shift)
@@ -219,19 +219,19 @@ def cell_exit(
     The line is at `y` [m] on a grid turned by a cosine and sine [cell/m], with the ship origin at
     `origin` from the lower left corner [cell].
     """
-    (cos, sin), high, onward = turn, 0.0, goal
+    (cos, sin), high, next_cell = turn, 0.0, goal
     i, j, last_i, last_j = current % columns, current // columns, goal % columns, goal // columns
     if i != last_i:
         side = (i + 1 if last_i > i else i) - origin[0]
         high = (side + y * sin) / cos
-        onward = current + (1 if last_i > i else -1)
+        next_cell = current + (1 if last_i > i else -1)
     if j != last_j:
         side = (j + 1 if last_j > j else j) - origin[1]
         upper = (side - y * cos) / sin
         if i == last_i or upper < high:
             high = upper
-            onward = current + (columns if last_j > j else -columns)
-    return high, onward
+            next_cell = current + (columns if last_j > j else -columns)
+    return high, next_cell
 
 
 @inlined
@@ -318,7 +318,7 @@ def bin_pieces(
     piece. Area beyond the bins counts in the first and the last.
     """
     curvature, wavefront, _, bin_width, bins = depths
-    per_bin = 1.0 / bin_width
+    bins_per_m = 1.0 / bin_width
     turn = (grid.turn[0] / grid.side, grid.turn[1] / grid.side)
     number, first, last, cells, corner, columns = cells_reached(
         line, piece, spacing, phase, turn, grid.shift
@@ -338,14 +338,14 @@ def bin_pieces(
         low = begin
         if not (begin == x and piece[p, 2] == q and y == y_before):
             q = piece[p, 2]
-            r, before = range_and_bin(q, low, y, depths, per_bin)
+            r, before = range_and_bin(q, low, y, depths, bins_per_m)
             reach = max(reach, abs(r))
         y_before = y
         nearest = nearest_place(piece[p, 2] - slope * begin, slope, y, curvature, wavefront)
         while True:
-            high, onward = end, goal
+            high, next_cell = end, goal
             if current != goal:
-                high, onward = cell_exit(current, goal, columns, y, turn, origin)
+                high, next_cell = cell_exit(current, goal, columns, y, turn, origin)
                 high = min(max(high, low), end)
             into = number[current]
             # Range falls along a line up to its nearest place, and then grows.
@@ -353,7 +353,7 @@ def bin_pieces(
             while True:
                 start = (low, before, r, q, slope)
                 q = piece[p, 3] if x >= end else piece[p, 2] + slope * (x - begin)
-                r, after = range_and_bin(q, x, y, depths, per_bin)
+                r, after = range_and_bin(q, x, y, depths, bins_per_m)
                 reach = max(reach, abs(r))
                 if wavefront > 0.0:
                     spread_along(area, into, strands, strand, weight[p], start, (x, after), depths)
@@ -365,6 +365,6 @@ def bin_pieces(
                 x = high
             if current == goal:
                 break
-            current = onward
+            current = next_cell
     cell, cell_area = cells_seen(number, area, corner, columns, NEGLIGIBLE_AREA * spacing**2)
     return cell, cell_area, strands, reach

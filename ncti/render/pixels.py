@@ -228,7 +228,7 @@ def row_spans(
 
 @compiled
 def _strip_range(low: float, high: float, strips: int, margin: float) -> tuple[int, int]:
-    """Return the first and the last strip with a row between two places, or nearly."""
+    """Return the first and last strip with a row between two heights, widened by a margin."""
     first = max(math.ceil(low - margin), 0) // STRIP
     return first, min(math.floor(high + margin) // STRIP, strips - 1)
 
@@ -238,12 +238,12 @@ def _widen(reach: Floats, x: float, y: float, u: float, v: float, margin: float)
     """Widen the reach of strips by a side from (x, y) to (u, v) that is moved by up to a margin."""
     left, right = min(x, u) - margin, max(x, u) + margin
     slope = (u - x) / (v - y) if abs(v - y) > 1e-9 else 0.0
-    broad = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
+    half_width = abs(slope) * ((STRIP - 1) / 2 + margin) + margin if slope != 0.0 else np.inf
     first, last = _strip_range(min(y, v), max(y, v), len(reach), margin)
     for strip in range(first, last + 1):
         middle = x + (strip * STRIP + (STRIP - 1) / 2 - y) * slope
-        reach[strip, 0] = min(reach[strip, 0], max(left, middle - broad))
-        reach[strip, 1] = max(reach[strip, 1], min(right, middle + broad))
+        reach[strip, 0] = min(reach[strip, 0], max(left, middle - half_width))
+        reach[strip, 1] = max(reach[strip, 1], min(right, middle + half_width))
 
 
 @compiled

@@ -117,10 +117,10 @@ def cast_rays(mesh: Mesh, origin: Floats, direction: Floats) -> RayHits:
     hit = np.flatnonzero(facet >= 0)
     facet = facet[hit].astype(np.intp)
     ray = near[hit]
-    return RayHits(ray, *_meet(solid, origin[ray], along[hit], facet))
+    return RayHits(ray, *_intersect_planes(solid, origin[ray], along[hit], facet))
 
 
-def _meet(
+def _intersect_planes(
     solid: Solid, origin: Floats, direction: Floats, facet: NDArray[np.intp]
 ) -> tuple[Floats, NDArray[np.intp], Floats]:
     """Return distance, facet and cosine of incidence where rays meet the planes of facets."""

@@ -49,9 +49,9 @@ class Sampling:
 
     Notes
     -----
-    Ends of ships are small: at one pixel for all, they would err several times more than
-    broadsides, and ships differ mostly at their ends. The pixel is at least a quarter of the
-    given one.
+    Ships look small end-on: with the same pixel at all aspects, end-on views would have several
+    times the error of broadsides, and ships differ mostly at their ends. The pixel is at least a
+    quarter of the given one.
 
     Examples
     --------
@@ -91,11 +91,11 @@ class Sampling:
             # coarse lines are too few, start with finer ones.
             sight = View(aspect, depression).axes[2]
             area, halvings = MAX_VISIBLE_SHARE * Surfaces.of(mesh).facing_area(-sight), 0
-            while self._is_short(area, self.pixel / 2**halvings):
+            while self._is_coarse(area, self.pixel / 2**halvings):
                 halvings += 1
             first = {"spacing": self.pixel / 2**halvings, "phase": 2**halvings * PHASE % 1}
             lines = line_image(mesh, roll=roll, **first, **view)
-            while (area := float(lines.area.sum())) > 0 and self._is_short(area, lines.spacing):
+            while (area := float(lines.area.sum())) > 0 and self._is_coarse(area, lines.spacing):
                 lines = refined(mesh, lines)
             return lines
         draw: Callable[..., RangeImage | Mask]
@@ -110,6 +110,6 @@ class Sampling:
             image = draw(mesh, pixel=finer, roll=roll, **view)
         return image
 
-    def _is_short(self, area: float, spacing: float) -> bool:
+    def _is_coarse(self, area: float, spacing: float) -> bool:
         """Return whether an area [m^2] has too few samples and the spacing may be halved."""
         return area < self.samples * spacing**2 and spacing > MIN_SHARE * self.pixel

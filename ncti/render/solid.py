@@ -152,7 +152,7 @@ def covered_columns(
 def _place_vertices(
     solid: Solid, view: View, lattice: Lattice, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
-    """Return places of vertices [pixel], facets, and the distance engines move vertices [pixel]."""
+    """Return vertex positions [pixel], facets, and how far engines may move vertices [pixel]."""
     from ncti.render import pixels
 
     column, row = lattice.first_column + 0.5, lattice.first_row + 0.5

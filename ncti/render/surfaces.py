@@ -106,12 +106,12 @@ class Surfaces:
             np.ascontiguousarray(
                 np.stack([low[edges], high[edges], sides[0], sides[1]], axis=1), dtype=np.uint32
             ),
-            _sums(surface, area, size),
+            _sum_by_surface(surface, area, size),
             np.asarray(np.bincount(surface, moment, size), dtype=np.float64),
         )
 
 
-def _sums(surface: NDArray[np.integer], vectors: Floats, size: int) -> Floats:
+def _sum_by_surface(surface: NDArray[np.integer], vectors: Floats, size: int) -> Floats:
     """Return the sum of the vectors of the facets of each surface."""
     return np.stack([np.bincount(surface, component, size) for component in vectors.T], 1).astype(
         np.float64
@@ -160,7 +160,7 @@ def _merge_coplanar(
     surface = components(left[flat], right[flat], len(n))
     size = int(surface.max()) + 1
     # Plates along a gentle curve may be coplanar with their neighbours, but not all together.
-    normal = _sums(surface, area, size)
+    normal = _sum_by_surface(surface, area, size)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     height = np.einsum("ijk,ik->ij", corner, normal[surface])
     top, bottom = np.full(size, -np.inf), np.full(size, np.inf)

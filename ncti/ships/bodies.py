@@ -24,9 +24,9 @@ from ncti.ships.surfaces import (
 )
 from ncti.ships.welding import WELD_DISTANCE, count_text, weld_surface
 
-MAX_OPEN = 0.05  # of the surface, up to which openings are closed on request
-MIN_THICKNESS = 1e-7  # volume over surface and longest extent, up to which a body has no inside
-MAX_EXCESS = 1e-6  # of a body's volume, which rounding leaves outside the body around it
+MAX_OPEN = 0.05  # greatest share of the surface in openings that `repair` closes
+MIN_THICKNESS = 1e-7  # volume / (surface x longest extent) up to which a body is flat
+MAX_EXCESS = 1e-6  # greatest share of a body's volume that rounding leaves outside its container
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Body:
         )
 
     def is_within(self, other: Body, where: str) -> bool:
-        """Return whether it lies inside another; both face outward."""
+        """Return whether this body lies inside another; both must face outward."""
         if self.volume >= (1 - MAX_EXCESS) * other.volume:
             return False  # the same
         return bool((self.solid(where) - other.solid(where)).volume() <= MAX_EXCESS * self.volume)
@@ -150,14 +150,14 @@ def _split_pinches(body: Body, where: str) -> Body:
         return body
     if body.volume:
         return Body.of(body.solid(where))
-    # A plate: each of its triangles becomes a plate of its own, with a front and a back.
+    # A plate: make each triangle a separate plate, with a front and a back.
     corners = body.vertices[np.unique(np.sort(body.faces, axis=1), axis=0)]
     front = np.arange(3 * len(corners)).reshape(-1, 3)
     return Body(corners.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]))
 
 
 def _align_winding(vertices: Floats, faces: Faces, work: RepairContext) -> Faces:
-    """Return facets wound alike within each body, reversing the minority."""
+    """Return facets wound consistently within each body, reversing the minority."""
     first, second, opposed = neighbours(len(vertices), faces)
     if opposed.all():
         return faces

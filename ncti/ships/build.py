@@ -147,14 +147,14 @@ def build(sheet: Sheet) -> Ship:
     solid -= union([p.solid for p in pieces if p.cuts])
     if solid.bounding_box()[2] < 0:
         solid = solid.trim_by_plane((0, 0, 1), 0)
-    mesh = _one_body(sheet, solid, hull, pieces).as_original().simplify(SLIVER).to_mesh64()
+    mesh = _keep_main_body(sheet, solid, hull, pieces).as_original().simplify(SLIVER).to_mesh64()
     vertices = np.array(mesh.vert_properties[:, :3]) * [-1, -1, 1] + [sheet.hull.loa / 2, 0, 0]
     low, high = np.reshape(hull.bounding_box(), (2, 3))
     loa, beam, _ = high - low
     return Ship(vertices, np.array(mesh.tri_verts, dtype=np.int32), float(loa), float(beam))
 
 
-def _one_body(sheet: Sheet, solid: Manifold, hull: Manifold, pieces: list[Piece]) -> Manifold:
+def _keep_main_body(sheet: Sheet, solid: Manifold, hull: Manifold, pieces: list[Piece]) -> Manifold:
     """Return the outer shell: fill hidden cavities, and refuse detached components."""
     shells = [shell for shell in solid.decompose() if shell.volume() > 0]
     if not shells:

@@ -21,10 +21,10 @@ def read(path: Path) -> Ship | None:
 
 
 def write(path: Path, ship: Ship) -> None:
-    """Write a ship to a file; two processes may write the same one at once.
+    """Write a ship to a file atomically; processes may write the same file at once.
 
-    If the folder cannot be written, the ship is built again next time. Folders are made for this
-    user alone.
+    Failing to write is no error: the ship is built again next time. New folders are private to this
+    user.
     """
     try:
         for folder in reversed(path.parents):

@@ -89,7 +89,7 @@ def points(value: Any, *, columns: int, rows: int) -> NDArray[np.float64]:
 
 
 def path(value: Any) -> NDArray[np.float64]:
-    """Return the nodes of a path, no two of which coincide and which nowhere turns back."""
+    """Return the nodes of a path without coincident neighbours or reversals."""
     nodes = points(value, columns=3, rows=2)
     step = np.diff(nodes, axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)

@@ -8,8 +8,8 @@ import yaml
 
 from ncti.ships.errors import ShipError, short_repr
 
-# The packaged sheets have up to 2,300 values, nested 6 deep. Every use of an alias counts: a few
-# lines of aliases to aliases stand for more values than fit into memory.
+# The packaged sheets have up to 2,300 values, nested 6 deep. An alias counts at each use, as a
+# few lines of nested aliases can expand to more values than fit into memory.
 MAX_VALUES = 50_000
 MAX_DEPTH = 30
 MAX_VALUE = 10_000  # characters of one value
@@ -17,7 +17,7 @@ MAX_VALUE = 10_000  # characters of one value
 # The loader of libyaml, if PyYAML has it, takes a tenth of the time.
 LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-MERGE = "tag:yaml.org,2002:merge"  # of the key '<<', whose values a mapping's own keys override
+MERGE = "tag:yaml.org,2002:merge"  # tag of the merge key '<<'; explicit keys override merged ones
 
 
 class _DuplicateKeyError(Exception):

@@ -11,9 +11,9 @@ MAX_MESSAGE = 1000  # characters of a message
 
 
 class ShipError(ValueError):
-    """Error of a ship that cannot be loaded: one sentence with the value and the allowed ones.
+    """A ship cannot be loaded; the message is one sentence with the value and the allowed values.
 
-    Names and paths are a user's own, so characters that cannot be printed are escaped.
+    Names and paths come from users, so the message escapes unprintable characters.
 
     See Also
     --------

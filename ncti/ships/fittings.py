@@ -86,7 +86,7 @@ def windows(
     pitch: float,
     depth: float,
 ) -> Manifold:
-    """Return the cut for panes in the front and sides of a house, sills at z = 0.
+    """Return the volume to cut for panes in the front and sides of a house, sills at z = 0.
 
     `plan` is the bottom and top polygon (n, 2) of the house [m], of `solids.house_plan`; `sill` [m]
     is above its foot; `height`, `width`, `pitch` and `depth` [m] are of the panes.

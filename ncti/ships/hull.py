@@ -63,8 +63,8 @@ class Hull:
     def _flare_head(self, x: NDArray[np.float64], deck: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the height [m] at which a section reaches its breadth at the deck.
 
-        It is the deck, but over the last 20 m before a break of deck it comes down to the
-        lower deck, so that the side runs on through the break without a jog.
+        It is the height of the deck, but falls to the lower deck over the last 20 m before a break
+        of deck, so that the side continues through the break without a jog.
         """
         head = deck.copy()
         for before, after in pairwise(self.stations):

@@ -73,7 +73,7 @@ def names() -> tuple[str, ...]:
 
     See Also
     --------
-    load : Takes these names, and paths.
+    load : Loads a ship by name or path.
 
     Examples
     --------
@@ -157,10 +157,10 @@ def load(
     -------
     trimesh.Trimesh
         Vertices in ship axes [m]: x to the bow, y to port, z up, origin amidships on the
-        waterline. Parts below the waterline are cut off. `metadata` has `name`, `digest`, `loa`
-        and `beam` [m], which for a sheet are those of the hull without overhanging parts,
-        `findings`, `suggested_transform` and `faults` of `describe`, and `variant_of`, the ship of
-        a variant, or None. Notebooks show its silhouette with these.
+        waterline. Parts below the waterline are cut off. `metadata` has `name`; `digest`; `loa` and
+        `beam` [m], which for a sheet exclude parts that overhang the hull; `findings`,
+        `suggested_transform` and `faults`, as in `describe`; and `variant_of`, the ship that a
+        variant is derived from, or None. Notebooks show the silhouette with these data.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def ship_mesh(
 ) -> ShipMesh:
     """Return the mesh of `load` without importing trimesh; raises as `load` does."""
     source, transform = _find_source(name_or_path), transform or Transform()
-    ship, diagnosis, faults = _ship_solid(source, transform, cache)
+    ship, diagnosis, faults = _load_solid(source, transform, cache)
     attributes = {
         "name": source.name,
         "digest": transform.digest(source.digest),
@@ -225,9 +225,9 @@ def variants(
     name : str
         One of `names()`.
     count : int
-        Number of variants, 1 or more; those of a smaller number come first.
+        Number of variants, 1 or more. A larger count begins with the variants of a smaller one.
     seed : int
-        Of the draws, 0 or more.
+        Seed of the draws, 0 or more.
     scale : float
         Factor of all uncertainties, 0.001 to 4, to six digits. The same draws are scaled, so that
         a variant of half the scale lies about half as far from the ship.
@@ -237,10 +237,11 @@ def variants(
     Returns
     -------
     tuple of trimesh.Trimesh
-        Watertight meshes as of `load`. The `name` in their metadata, as ``duncan@0.7`` for the
-        seventh of seed 0 or ``duncan@0.7x0.5`` at half the scale, is the name of a ship wherever
-        ships have names; `variant_of` is the ship. With ``s0.8`` behind it, as ``duncan@0.7s0.8``
-        or ``duncan@0.7x4s0.8``, all sizes of the variant are 0.8 times as large; 0.5 to 2.
+        Watertight meshes, as from `load`. The `name` in their metadata, such as ``duncan@0.7`` for
+        the seventh variant of seed 0 or ``duncan@0.7x0.5`` at half the scale, is accepted wherever
+        the name of a ship is; `variant_of` is the ship. The suffix ``s0.8``, as in
+        ``duncan@0.7s0.8`` or ``duncan@0.7x4s0.8``, multiplies all dimensions of the variant by 0.8;
+        factors are 0.5 to 2.
 
     Raises
     ------
@@ -259,8 +260,9 @@ def variants(
     map of the ship's space, with the uncertainty of the most certain line, moves everything else,
     so that components in contact stay in contact. Each component, with all that it carries, then
     moves on its carrier by the rest of its uncertainty, but not off it; a carrier is as certain as
-    the most certain component on it. Sizes of parts that carry nothing vary, too. Normal deviates
-    are cut off at two sigma. Port and starboard move alike, and parts amidships stay there.
+    the most certain component on it. Sizes of parts that carry nothing also vary. Normal deviates
+    are clipped at two sigma. Port and starboard move symmetrically, and parts on the centreline
+    stay there.
 
     A variant that does not build, because a part has lost contact, is drawn again: the random
     stream is keyed by the ship, the seed, the number and the try.
@@ -301,15 +303,15 @@ class Description:
     faces : (facet, 3) integer ndarray
         Numbers of the corners of each facet.
     findings : tuple of str
-        What looks wrong, as "lies on its side"; empty where nothing does.
+        Signs of a wrong frame, such as "lies on its side"; empty if there are none.
     suggested_transform : Transform or None
-        Transform of the file that would correct all of that, instead of the one given.
+        Transform of the file that would correct all findings, to use instead of the given one.
     faults : tuple of str
         Corrected faults of the surface, as "1 of 2 bodies inside out".
 
     See Also
     --------
-    describe : Makes them.
+    describe : Returns the description of a ship.
 
     Notes
     -----
@@ -377,14 +379,14 @@ def describe(
 
     Notes
     -----
-    Bodies that touch are separated where more than two facets meet at an edge of a file; bodies
-    that are inside out are turned, and vertices along open edges merged that differ by less than
-    1e-5 of the longest extent. All bodies are united.
+    Loading a mesh file separates touching bodies where more than two facets meet at an edge, turns
+    bodies that are inside out, and merges vertices along open edges that are closer than 1e-5 of
+    the longest extent. It then unites all bodies.
 
-    Suspicious is a ship that floats above the water, lies on its side or stands on end, is upside
-    down, has its length along y, its origin outside the middle half of its length or beam, or no
-    hull below a waterline at the height of its keel. A mesh that is right may be suspicious, so
-    that nothing is refused for it.
+    Findings are reported for a ship that floats above the water, lies on its side or stands on end,
+    is upside down, has its length along y, its origin outside the middle half of its length or
+    beam, or no hull below a waterline at the height of its keel. A correct mesh may have findings,
+    so they never cause an error.
 
     Examples
     --------
@@ -415,7 +417,7 @@ def describe(
 
 
 def is_built(name_or_path: str | Path, *, cache: str | Path | None = None) -> bool:
-    """Return whether `load` builds nothing: the cache has the ship, or a file has its mesh.
+    """Return whether `load` needs no build: the cache has the ship, or the file is a mesh.
 
     Raises ShipError as `digest` does.
     """
@@ -428,7 +430,7 @@ def _path_in_cache(source: _Source, cache: str | Path | None) -> Path:
     return (default if cache is None else Path(cache)) / f"{source.digest}.npz"
 
 
-def _ship_solid(
+def _load_solid(
     source: _Source, transform: Transform, cache: str | Path | None
 ) -> tuple[Ship, Diagnosis, tuple[str, ...]]:
     if not source.is_sheet:

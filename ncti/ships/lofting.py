@@ -48,9 +48,9 @@ def loft(
 
 
 def tube(path: ArrayLike, radius: ArrayLike, *, sides: int = 6, closed: bool = False) -> Manifold:
-    """Return a round bar of some sides along a polyline, mitred at its bends.
+    """Return a round bar with `sides` faces along a polyline, mitred at its bends.
 
-    `path` (n, 3) [m] is its axis, a hoop if `closed`; `radius` [m] one, or one for each point.
+    `path` (n, 3) [m] is its axis, a hoop if `closed`; `radius` [m] is one value, or (n,) values.
     """
     path = np.asarray(path, dtype=np.float64)
     if closed:

@@ -26,11 +26,11 @@ MIN_SHIP_LENGTH, MAX_SHIP_LENGTH = 10.0, 460.0  # [m]; bounds for guessing the u
 
 @dataclass(frozen=True, eq=False)
 class PlacedMesh:
-    """A mesh in the ship frame, and signs that it is not.
+    """A transformed mesh, and signs that it is not in the ship frame.
 
     `vertices` (vertex, 3) [m] lie above the waterline; `faces` (facet, 3) are counter-clockwise
-    from outside; `diagnosis` includes the parts below the waterline, and suggests the file's
-    transform; `faults` of the file are corrected.
+    from outside; `diagnosis` also considers the parts below the waterline, and suggests a transform
+    of the file; `faults` lists the corrected faults of the file.
     """
 
     vertices: NDArray[np.float64]

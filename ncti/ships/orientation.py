@@ -1,7 +1,7 @@
 """Signs that a mesh is not in the ship frame, and the transform that would put it there.
 
-A ship is long, alike on both sides, and sparse at the top: areas of its cross-sections identify
-the three axes. Everything is relative to the mesh's own size.
+A ship is long, symmetric from side to side, and sparse at the top: areas of its cross-sections
+identify the three axes. Thresholds are relative to the size of the mesh.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     end has short sections. The longer of the two others is the length, and the bow its finer end,
     which is a guess. A box is equally symmetric along all axes, so only its extents count.
 
-    Not found: a bow that points aft, a mirror image, a ship on its side that is as symmetric that
-    way, and a flat-bottomed hull that stands on its keel.
+    Not detected: a bow that points aft, a mirror image, a ship on its side that is as
+    symmetric along its height, and a flat-bottomed hull that stands on its keel.
     """
     if not len(vertices) or not (np.ptp(vertices, axis=0) > 0).all():
         return Diagnosis()
-    turn, findings = _turn(vertices, faces)
-    shift, origin_findings = _shift(turn.apply(vertices), faces, turn.up)
+    turn, findings = _find_rotation(vertices, faces)
+    shift, origin_findings = _find_offset(turn.apply(vertices), faces, turn.up)
     findings += origin_findings
     if not findings:
         return Diagnosis()
@@ -63,17 +63,17 @@ def diagnose(vertices: Floats, faces: NDArray[np.integer]) -> Diagnosis:
     return Diagnosis(tuple(findings), Transform(up=turn.up, forward=turn.forward, offset=offset))
 
 
-def _turn(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list[str]]:
-    """Return the rotation to ship axes, and the faults of the mesh's own axes."""
+def _find_rotation(vertices: Floats, faces: NDArray[np.integer]) -> tuple[Transform, list[str]]:
+    """Return the rotation to ship axes, and findings on the axes of the mesh."""
     extent = np.ptp(vertices, axis=0)
     areas = [section_areas(vertices, faces, axis) for axis in range(3)]
     vertical, along = _vertical_and_length(extent, [_asymmetry(area) for area in areas])
-    down = _points_down(vertices, faces, vertical, along, areas[vertical])
+    down = _is_upside_down(vertices, faces, vertical, along, areas[vertical])
     if (vertical, along, down) == (2, 0, False):
         return Transform(), []
     end = max(1, round(END_SHARE * SECTIONS))
     first, last = (float(areas[along][ends].mean()) for ends in (slice(end), slice(-end, None)))
-    # Positive where both ends are alike.
+    # If both ends are alike, the bow is taken at the positive end.
     backward = last > MIN_BOW_RATIO * first
     up, forward = (
         ("-" if negative else "") + "xyz"[axis]
@@ -92,7 +92,7 @@ def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, i
     """Return the vertical and the longitudinal axis: z and x unless the shape excludes them."""
     odd = int(np.argmax(asymmetry))
     vertical = 2
-    # A length may be as unlike at its ends, but no height is the longest of three in a hull.
+    # The length of a hull may be as asymmetric, but its height is never its longest extent.
     if odd != int(np.argmax(extent)) and asymmetry[odd] > max(MIN_ASYMMETRY, 2 * asymmetry[2]):
         vertical = odd
     elif extent[2] > MAX_HEIGHT_RATIO * max(extent[0], extent[1]):
@@ -103,7 +103,7 @@ def _vertical_and_length(extent: Floats, asymmetry: list[float]) -> tuple[int, i
     return vertical, first if extent[first] >= extent[second] else second
 
 
-def _points_down(
+def _is_upside_down(
     vertices: Floats, faces: NDArray[np.integer], vertical: int, along: int, areas: Floats
 ) -> bool:
     """Return whether the short and light end of the vertical axis is the lower one."""
@@ -117,8 +117,8 @@ def _points_down(
     return low < MIN_BOTTOM_RATIO * high
 
 
-def _shift(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Floats, list[str]]:
-    """Return the offset [m] to the ship's origin, and the fault of the mesh's own origin.
+def _find_offset(vertices: Floats, faces: NDArray[np.integer], up: str) -> tuple[Floats, list[str]]:
+    """Return the offset [m] to the ship's origin, and findings on the origin of the mesh.
 
     Vertices are in ship axes, and `up` is the axis of the mesh that points up there.
     """
@@ -147,7 +147,7 @@ def _height_finding(low: float, high: float, up: str) -> list[str]:
     ship would be under it.
     """
     if up[-1] != "z":
-        return []  # its own z axis is another one
+        return []  # the z axis of the mesh is not vertical
     if up == "-z":
         low, high = -high, -low
     if high <= 0:
@@ -195,7 +195,7 @@ def section_areas(
     edges = corners[:, 1:] - corners[:, :1]
     first, other = (k for k in range(3) if k != axis)
     normal = (edges[:, 0, first] * edges[:, 1, other] - edges[:, 0, other] * edges[:, 1, first]) / 2
-    normal *= -1.0 if axis == 1 else 1.0  # y, z, x turn the other way than x, y, z without y
+    normal *= -1.0 if axis == 1 else 1.0  # x cross z is -y
     along = corners[:, :, axis]
     low, high = along.min(axis=1), along.max(axis=1)
     start, extent = float(vertices[:, axis].min()), float(np.ptp(vertices[:, axis]))

@@ -25,10 +25,10 @@ def build_in_parallel(
 ) -> None:
     """Build named ships into a cache folder, in several processes including this one.
 
-    There is one process per processor, up to `MAX_PROCESSES`. Ships that cannot be built are left
-    out, since `describe` states the fault; so are the ships of a process that cannot start or is
-    killed. `progress` is called with the number of ships that are built, after each one of this
-    process.
+    There is one process per processor, up to `MAX_PROCESSES`. Ships that cannot be built are
+    skipped, since `describe` reports the fault, and so are the ships of a process that cannot start
+    or is killed. After each ship of this process, `progress` receives the number of all ships built
+    so far.
     """
     count = max(1, min(processor_count(), MAX_PROCESSES, len(ships)))
     started: list[Popen[bytes]] = []

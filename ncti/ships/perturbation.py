@@ -25,13 +25,13 @@ Floats = NDArray[np.float64]
 MAX_DRAWS = 100  # of draws for a variant, until one builds
 MIN_SIGMA_SCALE, MAX_SIGMA_SCALE = 0.001, 4.0  # beyond, warps would fold
 MIN_SIZE, MAX_SIZE = 0.5, 2.0
-MAX_SIGMAS = 2.0  # sigmas that no place or size goes beyond
+MAX_SIGMAS = 2.0  # sigmas at which deviates of places and sizes are clipped
 ACROSS_RATIO, UPWARD_RATIO = 0.5, 0.7  # sigma in y and z, in terms of that in x: `sheets/README.md`
 MODES = 6  # half waves along the ship of the displacement common to its parts
 SHEER_MODES = 2  # of heights, so that a component on two neighbours still stands on both
 FULL_SIGMA_HEIGHT = 10.0  # height [m] from which heights vary by their full sigma
 OFFSET_SIGMA = 0.03  # sigma of half-breadths, relative: 0.2 m of generic lines
-MIN_CONTACT = 0.5  # share of its contact with its support that a moved component keeps, at least
+MIN_CONTACT = 0.5  # least share of the contact with its support that a moved component keeps
 HALVINGS = 5
 
 # Sizes along x, y and z of primitives that stretch with the space about them. Equipment does not,
@@ -45,7 +45,7 @@ RESIZED = ("box", "prism", "cyl", "pole", "sphere", "yard")
 
 
 def variant_error(name: str) -> ShipError:
-    """Return the error of a name with '@' that names no variant."""
+    """Return the error for a name with '@' that is not a valid name of a variant."""
     return ShipError(
         f"variant {short_repr(name)} must be SHIP@SEED.NUMBER, numbered from 1 on, or "
         "SHIP@SEED.NUMBERxSCALEsSIZE, without needless digits."
@@ -72,7 +72,7 @@ class Variant:
 
     @classmethod
     def parse(cls, name: str) -> Variant | None:
-        """Return the variant that a name with '@' stands for, or None; refuse malformed ones."""
+        """Return the variant of a name, None if it has another form; refuse invalid values."""
         decimal = r"(\d{1,8}(?:\.\d{1,8})?)"
         pattern = rf"([^@]*)@(\d{{1,18}})\.(\d{{1,18}})(?:x{decimal})?(?:s{decimal})?"
         match = re.fullmatch(pattern, name)
@@ -112,7 +112,7 @@ class SupportTree:
     contact: tuple[Floats, ...]
 
     def ancestors(self) -> tuple[int, ...]:
-        """Return for each component its ancestor, or itself, that stands on the hull."""
+        """Return for each component its ancestor on the hull, which may be the component itself."""
         roots = list(range(len(self.order)))
         for number in self.order:
             if self.support[number] >= 0:
@@ -120,7 +120,7 @@ class SupportTree:
         return tuple(roots)
 
     def sigmas(self, sheet: Sheet) -> Floats:
-        """Return the least sigma of each component and of all that it supports [m]."""
+        """Return for each component the least sigma of itself and all components on it [m]."""
         smallest = np.array([component.sigma for component in sheet.components])
         for number in reversed(self.order):
             support = self.support[number]
@@ -225,7 +225,7 @@ class _Warp:
         return height + self.upward(x) * np.clip(height / FULL_SIGMA_HEIGHT, 0, 1)
 
     def half(self, x: Any, half: Floats, wave: _Wave) -> Floats:
-        """Return half-breadths of the hull; the widest stays, so that its beam does."""
+        """Return warped half-breadths; the widest stays, which preserves the beam of the hull."""
         widest = self.hull.stations[:, 2].max()
         return half * (1 + wave(x) * np.clip(1 - half / widest, 0, 1))
 
@@ -326,7 +326,7 @@ def _move_component(component: Component, shift: Floats) -> Component:
 
 
 def _is_amidships(component: Component) -> bool:
-    """Return whether a component stands on the ship's middle line, where it stays."""
+    """Return whether a component stands on the centreline, from which it must not move."""
     if "outline" in component.sizes:
         return bool(abs(component.sizes["outline"][:, 1].mean()) < 0.01)
     return component.at[1] == 0 and "path" not in component.sizes
@@ -348,10 +348,10 @@ def perturb_sheet(
     """Return a sheet with places and sizes moved within their uncertainty, times `scale`.
 
     Hull length, beam and components stay; the draw is the same for any scale. The sheet need not
-    build: thin contacts may be torn apart. A component's own move is halved until each of its
-    copies keeps half of its contact with its support and none reaches farther out than the hull, or
-    than it did; after some halvings there is none. Refuses (`ShipError`) a warp that folds the
-    hull.
+    build: thin contacts may be torn apart. The move of a component relative to its support is
+    halved until each copy keeps half of its contact with the support and none reaches farther out
+    than the hull, or than before; if `HALVINGS` attempts fail, the component does not move relative
+    to its support. Refuses (`ShipError`) a warp that folds the hull.
     """
     common = scale * min((component.sigma for component in sheet.components), default=0.5)
     warp = _Warp.draw(rng, sheet.hull, common, scale)
@@ -368,7 +368,7 @@ def perturb_sheet(
     def place(number: int, move: Floats) -> Component:
         component, column = sheet.components[number], _midpoint(sheet.components[roots[number]])
         plan = move if roots[number] == number else moves[roots[number]]
-        # Rise of the deck from the place that the warp alone gives the foot to its final place.
+        # Rise of the deck between the foot's place after the warp alone and its final place.
         _, before = sheet.hull.deck_edge(column)
         _, after = warped.hull.deck_edge(warp.x(column) + plan[0])
         rise = float(after - warp.z(column, before))

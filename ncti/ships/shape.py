@@ -1,4 +1,4 @@
-"""The mesh of a ship without trimesh, whose import takes longer than a view."""
+"""Mesh of a ship without trimesh, which takes longer to import than a view takes to draw."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ShipMesh:
-    """The mesh of `load` as views take it, which read its vertices, faces and hash.
+    """Lightweight mesh of a ship: views read its vertices, faces and hash.
 
     `vertices` (n, 3) [m] are in ship axes, `faces` (m, 3) counter-clockwise from outside.
     """
@@ -27,7 +27,7 @@ class ShipMesh:
         return hash(self.metadata["digest"])  # equal digests mean equal meshes
 
     def to_trimesh(self) -> trimesh.Trimesh:
-        """Return the mesh as a trimesh of its own, which notebooks show as a picture."""
+        """Return the mesh as a new trimesh, which notebooks show as a picture."""
         from ncti.ships.displayed import Ship
 
         mesh = Ship(self.vertices, self.faces, process=False)

@@ -43,7 +43,7 @@ class Part:
 
     @property
     def primitive(self) -> Primitive:
-        """Its primitive: the coordinates that place it, whether it stands, and whether it cuts."""
+        """Primitive of the part: the coordinates that place it, and whether it stands or cuts."""
         return PRIMITIVES[self.prim]
 
 
@@ -108,7 +108,7 @@ def _sizes(where: str, prim: str, entry: Mapping[str, Any]) -> dict[str, Any]:
     return sizes
 
 
-def _prim(where: str, value: Any, known: Mapping[str, Primitive]) -> str:
+def _check_primitive(where: str, value: Any, known: Mapping[str, Primitive]) -> str:
     if not isinstance(value, str) or value not in known:
         raise ShipError(
             f"{where}: unknown primitive {short_repr(value)}, known are {', '.join(known)}."
@@ -130,7 +130,7 @@ def _templates(where: str, value: Any) -> dict[str, tuple[Part, ...]]:
 def _template_part(where: str, part: Any) -> Part:
     if not isinstance(part, list) or len(part) != 5:
         raise ShipError(f"{where}: a part must be [prim, u, v, w, sizes], not {short_repr(part)}.")
-    prim = _prim(where, part[0], PARTS)
+    prim = _check_primitive(where, part[0], PARTS)
     position = tuple(
         _value(where, key, value, checks.number)
         for key, value in zip("uvw", part[1:4], strict=True)
@@ -144,7 +144,7 @@ def _component(where: str, value: Any, templates: Mapping[str, Any]) -> Componen
     name = _value(where, "name", entry["name"], checks.text)
     where = f"{where} {short_repr(name)}"
     place_sigma, size_sigma = _uncertainty(_value(where, "src", entry["src"], checks.text))
-    prim = _prim(where, entry["prim"], PRIMITIVES)
+    prim = _check_primitive(where, entry["prim"], PRIMITIVES)
     needs, may, place = PRIMITIVES[prim].needs, PRIMITIVES[prim].may, PRIMITIVES[prim].place
     copies = COPIES if place == "xyz" else frozenset({"mirror"})
     required = needs | {"name", "prim", "src", *place}
@@ -248,9 +248,9 @@ def _stations(where: str, table: Any) -> np.ndarray:
 def parse(text: str, templates: str, *, where: str) -> Sheet:
     """Return the sheet of a YAML text; `sheets/README.md` has its rules.
 
-    `templates` is the YAML of equipment templates, which the sheet's own extend; `where` names it
-    in messages. Refuses (`ShipError`) a key that is missing, unknown or given twice, or a wrong
-    value.
+    `templates` is the YAML of common equipment templates; templates of the sheet add to them or
+    replace them. `where` names the sheet in messages. Refuses (`ShipError`) a key that is missing,
+    unknown or given twice, or a wrong value.
     """
     sheet = _checked_mapping(where, read(where, text), SHEET)
     known = _templates("templates", read("templates", templates))

@@ -2,10 +2,10 @@
 
 Every solid is a watertight `manifold3d.Manifold`. A component's axes are x aft, y to starboard
 and z up; a template's are u along the pointing axis, v to its right and w up. The functions
-do not mind which: the first axis is `length`, the second `width`, the third `height`.
+serve both: the first axis is `length`, the second `width`, the third `height`.
 
-`sink` carries the base of a standing solid down into whatever bears it, so that the union joins
-them: solids which only touch stay apart.
+`sink` extends the base of a standing solid down into its support, so that the union joins them:
+solids that only touch remain separate.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def dish(*, radius: float, depth: float) -> Manifold:
     front = np.column_stack([across, bowl])
     back = np.column_stack([across, bowl - 0.1])
     profile = CrossSection([np.concatenate([back, front[::-1]])])
-    # Half a step about the axis: no corner in a plane of symmetry, where boxes have their faces.
+    # Turn by half a step: no corner may lie in a plane of symmetry, where boxes have faces.
     return Manifold.revolve(profile, 32).rotate((0, 0, 180 / 32)).rotate((0, 90, 0))
 
 
@@ -267,7 +267,7 @@ def boat(*, length: float, width: float, height: float) -> Manifold:
 
 
 def recess(*, length: float, width: float, height: float, face: str = "aft") -> Manifold:
-    """Return the cut behind an opening on the side `face`, with 0.2 m of air before it.
+    """Return the volume to cut for a recess open on the side `face`, extended 0.2 m outward.
 
     `length` is fore-aft, `width` athwart; the origin is the middle of the sill.
     """
@@ -283,5 +283,5 @@ def recess(*, length: float, width: float, height: float, face: str = "aft") -> 
 
 
 def step(*, length: float, width: float, height: float) -> Manifold:
-    """Return the cut aft of a break of deck, which leaves its face vertical."""
+    """Return the volume to cut aft of a break of deck, which leaves a vertical face."""
     return Manifold.cube((length, width, height)).translate((0.0, -width / 2, 0.0))

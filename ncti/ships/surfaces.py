@@ -64,7 +64,7 @@ def surface_of(vertices: Floats, faces: Faces) -> Surface:
     crowded = np.repeat(counts > 2, counts)
     if crowded.any():
         patches = components(first // 3, second // 3, len(faces))
-        opening, closing = _pairs_around_solid(
+        opening, closing = _match_edges_around_solid(
             vertices, faces, order[crowded], line[crowded], patches
         )
         first, second = np.concatenate([first, opening]), np.concatenate([second, closing])
@@ -84,7 +84,7 @@ def neighbours(
 def _sorted_edges(
     count: int, faces: Faces
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the ends of all edges, their order line by line, and start and length of each line."""
+    """Return ends of all edges, their order by vertex pair, and start and length of each group."""
     ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
     key = ends.min(axis=1) * count + ends.max(axis=1)
     order = np.argsort(key, kind="stable")
@@ -99,7 +99,7 @@ def _pair_up(
     return order[first], order[first + 1]
 
 
-def _pairs_around_solid(
+def _match_edges_around_solid(
     vertices: Floats,
     faces: Faces,
     edges: NDArray[np.int64],
@@ -110,7 +110,7 @@ def _pairs_around_solid(
 
     Going round a line, a facet whose edge runs backward opens a solid and one whose edge runs
     forward closes the one opened last, like brackets. A patch of facets that are neighbours
-    elsewhere is matched by itself if as many of its facets open as close. Among coincident facets,
+    elsewhere is matched separately if as many of its facets open as close. Among coincident facets,
     closing ones come first; copies of a body are matched in the order of the file.
     """
     start, end = faces.ravel()[edges], faces.ravel()[next_edges(edges)]

@@ -16,9 +16,9 @@ MIN_THICKNESS = 1e-3
 """Mean thickness [m] above which a part without a mirror image makes a ship asymmetric."""
 
 MAX_IMBALANCE = 1e-4
-"""Greatest centre of mass [m] and products of inertia over mass [m^2] that rounding leaves of a
-symmetric ship with vertices in float32. A ship above it is drawn from both sides, which costs time
-but no accuracy."""
+"""Bound on the lateral centre of mass [m] and the products of inertia over mass [m^2] of a
+symmetric ship with vertices rounded to float32. A ship above it is drawn from both sides, at a cost
+in time but not in accuracy."""
 
 
 def is_symmetric(mesh: trimesh.Trimesh) -> bool:

@@ -40,7 +40,7 @@ class Transform:
     Raises
     ------
     ShipError
-        When a value is not allowed, or both axes are along one.
+        If a value is not allowed, or `up` and `forward` are parallel.
 
     Notes
     -----
@@ -84,7 +84,7 @@ class Transform:
             )
         if not isinstance(self.repair, bool):
             raise ShipError(f"repair is {short_repr(self.repair)}, but must be True or False.")
-        # Added to 0.0, so that no -0.0 makes equal transforms differ.
+        # Adding 0.0 turns -0.0 into 0.0, so that equal transforms have equal digests.
         offset = tuple(float(shift) + 0.0 for shift in self.offset)
         for name, value in (("forward", forward), ("scale", float(self.scale)), ("offset", offset)):
             object.__setattr__(self, name, value)
@@ -123,7 +123,7 @@ class Transform:
         )
 
     def digest(self, content: str) -> str:
-        """Return the hash of a transformed mesh from the mesh's own, which identity keeps."""
+        """Return the hash of a transformed mesh from the mesh's hash; the identity preserves it."""
         if self.is_identity:
             return content
         text = repr((content, self.up, self.forward, self.scale, self.offset, self.repair))

@@ -58,7 +58,7 @@ KEYS = {
 
 
 class Primitive(NamedTuple):
-    """Keys a primitive needs and may have; `place` are those of x, y, z which position it."""
+    """Required and optional keys of a primitive; `place` lists the coordinates that position it."""
 
     needs: frozenset[str]
     may: frozenset[str] = frozenset()
@@ -114,8 +114,9 @@ PRINCIPAL = (
 TEMPLATE = (frozenset({"parts"}), frozenset({"desc", "overall_lwh", "src", "unc", "note"}))
 REMARKS = frozenset({"name", "prim", "src", "unc", "note", "ir", "fitted"})
 COPIES = frozenset({"mirror", "repeat", "n", "dx_n"})
-# Sigma of a place along x [m] where a line does not state it (`unc`), as most lines of the tag
-# state it, and relative sigma of sizes: half of the 10 to 20 % within which they are known.
+# Defaults by provenance tag: sigma of a place along x [m] for lines without `unc`, the usual `unc`
+# of lines with that tag; and relative sigma of sizes, half of the 10 to 20 % within which they are
+# known.
 UNCERTAINTY = {
     "P": (0.5, 0.0),  # published
     "M": (0.6, 0.05),  # scaled from a model of the published length

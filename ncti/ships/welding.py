@@ -1,4 +1,4 @@
-"""Welding of surfaces: vertices and edges that nearly meet along openings are joined."""
+"""Weld surfaces: join vertices and edges that nearly meet along openings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_PASSES = 10  # over open edges with vertices of other facets on them
 
 
 def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
-    """Merge close vertices along open edges and end edges at them; return surface and faults."""
+    """Merge close vertices and split edges at vertices along openings; return surface, faults."""
     from scipy.spatial import cKDTree
 
     vertices, faces = surface.vertices, surface.faces
@@ -27,7 +27,7 @@ def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
     rim = np.unique(np.concatenate([faces.ravel()[edges], faces.ravel()[next_edges(edges)]]))
     tree = cKDTree(vertices[rim])
     pairs = np.empty((0, 2), np.int64)
-    if _are_few(tree, vertices[rim], np.full(len(rim), distance)):
+    if _has_few_pairs(tree, vertices[rim], np.full(len(rim), distance)):
         pairs = tree.query_pairs(distance, output_type="ndarray")
     if len(pairs):
         group = components(pairs[:, 0], pairs[:, 1], len(rim))
@@ -43,7 +43,7 @@ def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
         surface = surface_of(vertices, faces)
     total = 0
     for _ in range(MAX_PASSES):
-        surface, count = _ended_at_vertices(surface, distance)
+        surface, count = _split_edges_at_vertices(surface, distance)
         total += count
         if not count:
             break
@@ -52,10 +52,10 @@ def weld_surface(surface: Surface) -> tuple[Surface, list[str]]:
     return surface, faults
 
 
-def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]:
-    """Return a surface with facets cut where a vertex of another lies on their open edge.
+def _split_edges_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]:
+    """Split facets with a vertex of another on an open edge; return surface, number of vertices.
 
-    It cuts one edge of a facet with several such edges, and also returns the number of vertices.
+    Where several edges of a facet have such vertices, only one edge is split.
     """
     from scipy.spatial import cKDTree
 
@@ -66,7 +66,7 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     length = np.linalg.norm(along, axis=1)
     rim, middle = np.unique(corner[edges]), (start + end) / 2
     tree = cKDTree(vertices[rim])
-    if not len(edges) or not _are_few(tree, middle, length / 2):
+    if not len(edges) or not _has_few_pairs(tree, middle, length / 2):
         return surface, 0
     neighbours = tree.query_ball_point(middle, length / 2)
     row = np.repeat(np.arange(len(edges)), [len(indices) for indices in neighbours])
@@ -95,8 +95,8 @@ def _ended_at_vertices(surface: Surface, distance: float) -> tuple[Surface, int]
     return surface_of(vertices, faces), len(vertex)
 
 
-def _are_few(tree: cKDTree, points: Floats, radius: Floats) -> bool:
-    """Return whether the neighbours of points can be compared; a soup of facets has too many."""
+def _has_few_pairs(tree: cKDTree, points: Floats, radius: Floats) -> bool:
+    """Return whether points have few enough neighbours to compare; a facet soup has too many."""
     sample = slice(None, None, len(points) // SAMPLE_POINTS + 1)
     counts = tree.query_ball_point(points[sample], radius[sample], return_length=True)
     return float(counts.mean()) * len(points) <= MAX_PAIRS

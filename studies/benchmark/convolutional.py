@@ -68,7 +68,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         self.centre_, self.scale_ = float(vectors.mean()), float(vectors.std()) or 1.0
         random = check_random_state(self.random_state)
         with limit_to_one_thread() as torch:
-            self.network_ = _network(len(self.classes_), random)
+            self.network_ = _build_network(len(self.classes_), random)
             padded = np.pad(self._inputs(vectors), ((0, 0), (self.shift, self.shift)), "edge")
             self.loss_curve_ = self._train(padded, torch.from_numpy(label), random)
         return self
@@ -109,7 +109,7 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
         losses = []
         self.network_.train()
         for _ in range(self.epochs):
-            order, sum_of_losses = random.permutation(count), 0.0
+            order, total_loss = random.permutation(count), 0.0
             for rows in (order[block] for block in row_blocks(count, BATCH)):
                 starts = random.randint(2 * self.shift + 1, size=len(rows))
                 inputs = padded[rows[:, None], starts[:, None] + np.arange(width)]
@@ -119,14 +119,14 @@ class ConvolutionalNetwork(ClassifierMixin, BaseEstimator):
                 loss.backward()
                 optimizer.step()
                 schedule.step()
-                sum_of_losses += len(rows) * loss.item()
-            losses.append(sum_of_losses / count)
+                total_loss += len(rows) * loss.item()
+            losses.append(total_loss / count)
         self.network_.eval()
         return losses
 
 
-def _network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential:
-    """Return a network with weights drawn by numpy, as torch draws them."""
+def _build_network(classes: int, random: np.random.RandomState) -> torch.nn.Sequential:
+    """Build a network whose weights numpy draws from torch's default distribution."""
     from torch import from_numpy, nn, no_grad
     from torch.nn.utils import skip_init
 

@@ -1,6 +1,6 @@
 """The benchmark: classifiers on the splits of `ncti.data`, all learning from the same views.
 
-`entry` declares a classifier by a function that fits it; docs/benchmark.md shows one's own.
+`entry` declares a classifier by a function that fits it; docs/benchmark.md shows how to add one.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ WITHOUT_EXTRAS = (
     *("random_forest", "gradient_boosting", "pca_qda", "mlp"),
 )
 ENTRIES = (*WITHOUT_EXTRAS, "cnn")
-EXTRAS = {"cnn": "torch"}  # packages, which are extras of the same name, of some entries
+EXTRAS = {"cnn": "torch"}  # packages that entries need, each an extra of the same name
 REFERENCE = "random_forest"  # with which the others are compared
 ROWS, TEMPLATES, MOMENTS = "noisy rows", "expected profiles", "moments of frames"
 UNSEEN, NO_ROW = -1, -2  # of ships: not learned, and no row
@@ -185,7 +185,7 @@ def moment_set(learned_rows: Arrays) -> xr.Dataset:
 
 
 def _rows(arrays: Arrays) -> xr.Dataset:
-    """Return the rows whose arrays crossed the cache."""
+    """Rebuild the data set of rows from its cached arrays."""
     import xarray as xr
 
     coords = {name: ("row", arrays[name]) for name in COORDS}
@@ -250,9 +250,9 @@ def fit(function: Callable[..., Model]) -> Stage:
 def entry(fitted: Stage, learns: str = ROWS) -> tuple[tuple[Stage, ...], tuple[Table, ...]]:
     """Return the stages and tables of a benchmark classifier, from the function that fits it.
 
-    `learns` names its training data. The classifier has `predict` and, if it can, `predict_proba`,
-    `match` or `decision_function`, the first one it has rejecting unknown ships; or `posterior`,
-    which takes averages and numbers of frames.
+    `learns` names its training data. The classifier has `predict`, and one or more of
+    `predict_proba`, `match` and `decision_function`, the first of which scores the rejection of
+    unknown ships; or it has `posterior`, which takes averages and numbers of frames.
     """
     name = fitted.name.removeprefix("fit_")
 
@@ -485,7 +485,7 @@ def tabulate_difference(
     return tabulate_differences(*map(add_seed_dimension, (answers, others, tests)))
 
 
-ENTERED = tuple(
+CLASSIFIER_ENTRIES = tuple(
     entry(*arguments)
     for arguments in (
         (likelihood, MOMENTS),
@@ -508,9 +508,9 @@ STAGES = (
     template_set,
     moment_set,
     tested_rows,
-    *(declared for stages, _ in ENTERED for declared in stages),
+    *(declared for stages, _ in CLASSIFIER_ENTRIES for declared in stages),
 )
-TABLES = tuple(table for _, tables in ENTERED for table in tables)
+TABLES = tuple(table for _, tables in CLASSIFIER_ENTRIES for table in tables)
 
 
 # Checks

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 SPLIT, SEED = "split", "seed"
 NO_ROW = -2  # of a ship, where a split has fewer rows than others
-RARE = 10  # views, right or wrong, below which the scatter of seeds says too little
+MIN_VIEWS = 10  # views, right or wrong, below which the scatter of seeds says too little
 SIDE = np.arange(0.0, 180.0, BIN_WIDTH)  # lowest aspects of bins [deg]
 FIGURES = {
     "log_loss": "mean negative logarithm of the probability of the true ship",
@@ -36,7 +36,7 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     """Return all scores of answers to the tests of splits, as means over seeds with intervals.
 
     `answers` has, over split, seed and row, `predicted`, the ship named, as an index; `probability`
-    over ship, too, NaN of a classifier that has none; and `similarity`. `tests` has `true_ship`, an
+    over ship as well, NaN if the classifier has none; and `similarity`. `tests` has `true_ship`, an
     index into the coordinate `ship` of the answers, -1 of a ship that was not learned and -2 where
     there is no row; `true_aspect` [deg]; and `view`.
 
@@ -46,8 +46,8 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     `reliability_n` answers.
 
     Intervals are Student's t of seeds, which draw training and tests anew. With one seed, or where
-    fewer than ten views are right or wrong, those of accuracies take in the interval of all views
-    (`grouped_accuracy`).
+    fewer than ten views are right or wrong, those of accuracies are widened to include the interval
+    of all views (`grouped_accuracy`).
     """
     import xarray as xr
 
@@ -55,7 +55,7 @@ def tabulate_rows(answers: xr.Dataset, tests: xr.Dataset) -> xr.Dataset:
     by_split = []
     for name in splits:
         seeds = [_scores(answers, tests, name, seed) for seed in answers[SEED].values]
-        by_split.append(_means(seeds))
+        by_split.append(_average_seeds(seeds))
     table = xr.concat([labelled_dataset(figures) for figures in by_split], SPLIT)
     low = SIDE.tolist()
     return table.assign_coords(
@@ -74,8 +74,8 @@ def tabulate_differences(answers: xr.Dataset, others: xr.Dataset, tests: xr.Data
     Arguments are as of `tabulate_rows`. The table has `difference` of the fractions of right
     answers, the mean over seeds, with `difference_low` and `difference_high`, Student's t interval
     of 95 % of seeds, or the bootstrap of views where there is one seed; and `p_value`, McNemar's
-    test of the views of all seeds. The interval has the scatter of trainings and tests, the test
-    only that of tests.
+    test of the views of all seeds. The interval reflects the scatter of trainings and tests,
+    McNemar's test only that of tests.
     """
     import xarray as xr
 
@@ -153,7 +153,7 @@ def _scores(
     return scores, view[known], centres[known], (predicted == ship)[known]
 
 
-def _means(
+def _average_seeds(
     seeds: list[tuple[Scores, NDArray[Any], Floats, NDArray[np.bool_]]],
 ) -> dict[str, tuple[Any, ...]]:
     """Return the figures of one split, as means over its seeds, each with its label."""
@@ -165,7 +165,7 @@ def _means(
     fractions = np.array([scores.accuracy.fraction[-1] for scores, *_ in seeds])
     mean, low, high = interval(fractions, 0.0, 1.0)
     views = len(np.unique(_views(view, numbers)))
-    if len(seeds) == 1 or min(mean, 1 - mean) * views < RARE:
+    if len(seeds) == 1 or min(mean, 1 - mean) * views < MIN_VIEWS:
         low = float(np.fmin(low, pooled.ci_low[-1]))
         high = float(np.fmax(high, pooled.ci_high[-1]))
     share = "fraction of ships named correctly"
@@ -186,14 +186,14 @@ def _means(
     for name, unit in UNITS.items():
         figures |= {key: (*figures[key], unit) for key in (name, f"{name}_low", f"{name}_high")}
     # By aspect: the views of all seeds.
-    of_bin = np.searchsorted(SIDE, [float(label) for label in pooled.labels[:-1]]) - 1
+    bin_index = np.searchsorted(SIDE, [float(label) for label in pooled.labels[:-1]]) - 1
     for name, values, text in (
         ("aspect_accuracy", pooled.fraction, f"{share}, by aspect"),
         ("aspect_accuracy_low", pooled.ci_low, ends[0]),
         ("aspect_accuracy_high", pooled.ci_high, ends[1]),
     ):
         by_aspect = np.full(len(SIDE), np.nan)
-        by_aspect[of_bin] = values[:-1]
+        by_aspect[bin_index] = values[:-1]
         figures[name] = xr.DataArray(by_aspect, dims="aspect_bin"), text
     confusion = np.sum([scores.confusion for scores, *_ in seeds], axis=0)
     shares = confusion / np.maximum(confusion.sum(axis=1, keepdims=True), 1)

@@ -20,7 +20,7 @@ CHANNELS = ("profile", "silhouette", "both")
 LEFT_OUT = 8
 """Views of a ship that are neither learned nor tested."""
 CALIBRATION = 96
-"""Views of all ships from which the match of silhouettes is calibrated, or the next more."""
+"""Views that calibrate the match of silhouettes, rounded up to the same number for each ship."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +117,9 @@ def identify(
 
     `share` is (pulse, frames, fleet, channel), and `resampled` has the resamples as its last axis.
     `signatures` are those of every pulse width and ship; `cnr` is a power ratio at `slant_range`
-    [m]; `pulse_width` [s]. Noise and resamples are the same for every setting. Both sensors see one
-    view, so their log densities of a template add, that of the silhouette averaged over places
-    (`over_places`).
+    [m]; `pulse_width` [s]. Noise and resamples are the same for every setting. Both sensors see the
+    same view, so their log densities under a template add; the silhouette's density is averaged
+    over places (`over_places`).
     """
     if not valid.all():
         raise ValueError("valid has a ship that failed, but all of the list must be there")

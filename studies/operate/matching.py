@@ -11,7 +11,7 @@ Singles = NDArray[np.float32]
 Densities = tuple[Singles, Singles]
 
 MIN_DENSITY = np.float32(1e-30)
-"""Density of a template over that of the best of its ship that a sensor allows at least."""
+"""Lower bound on the density of a template relative to the best template of its ship."""
 
 STEP = 0.5**0.5  # between the inverse temperatures tried
 
@@ -64,10 +64,10 @@ def over_places(density: Singles, places: int) -> Singles:
     """Return (sample, ship, template) densities averaged over neighbouring templates of all places.
 
     `density` is that of `relative_densities`, by aspect with the `places` on the IFOVs in turn.
-    Each mean is over the two runs of `places` templates centred best, at an end over one; at least
-    1e-30. Each template has one place only: once another sensor has found the aspect, a silhouette
-    that changes more with place than from one aspect to the next might match no template of its own
-    ship.
+    Each mean is over the two best-centred runs of `places` templates, or the only one at an end;
+    densities below 1e-30 count as 1e-30. Each template has one place only: once another sensor has
+    found the aspect, a silhouette that changes more with place than from one aspect to the next
+    might match no template of its own ship.
     """
     rows = np.maximum(density, MIN_DENSITY).reshape(-1, density.shape[2])
     return (rows @ _place_weights(density.shape[2], places)).reshape(density.shape)

@@ -55,7 +55,8 @@ def signatures(
     `pulse_width` is at 1/e^2 [s], `cnr` a power ratio of a filled IFOV; the first `learned` views
     are templates. `excess` (cnr, pulse, view, bin) is `ncti.ladar.expected_profile` less the floor
     of each IFOV. `power` (cnr, pulse, 1 + test, bin), in a quadrature over the CNR, summed over
-    IFOVs, has the mean of the templates first. `ifovs` (cnr, pulse, test) see the ship.
+    IFOVs, has the mean of the templates first. `ifovs` (cnr, pulse, test) counts the IFOVs that see
+    the ship.
 
     By Equation C of the article, the mean magnitude of an IFOV is sqrt(pi/2 (CNR p + v)), for power
     p after the pulse and noise variance v. The pulse's tails below exp(-32) of its peak power are
@@ -88,7 +89,7 @@ def signatures(
 def _after_pulse(
     seen: ViewExtents, pulse_width: float, bin_width: float, bins: int
 ) -> tuple[Indices, Floats]:
-    """Return the power of every IFOV in its bins, and their flat indices in (view, bin)."""
+    """Return the power after the pulse in the bins of every IFOV, and its index in (view, bin)."""
     from scipy.sparse import csr_array, diags_array
 
     response = target_response(Pulse(pulse_width, bin_width)) ** 2
@@ -142,10 +143,10 @@ def frame_noise(
     normal = np.asarray(normals, dtype=np.float64)
     roots = factors(pulse, normal.shape[-1])
     noise = float(noise_by_lag(pulse, 1)[0])
-    of_target = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(power, dtype=np.float64))
+    target_scale = np.sqrt(RAYLEIGH * radar.cnr * np.asarray(power, dtype=np.float64))
     free = np.sqrt(RAYLEIGH * noise * np.asarray(ifovs, dtype=np.float64))
-    of_noise: Floats = free[:, None] * (normal[:, 1] @ roots[1])
-    return of_target * (normal[:, 0] @ roots[0]) + of_noise
+    noise_part: Floats = free[:, None] * (normal[:, 1] @ roots[1])
+    return target_scale * (normal[:, 0] @ roots[0]) + noise_part
 
 
 class ProfileMatch:
@@ -154,14 +155,14 @@ class ProfileMatch:
     `templates` (ship, template, bin) are expected profiles above the floor, by aspect; `tests`
     (test, bin) those to identify; `power` (test, bin) and its mean over templates, `template_power`
     (bin,), are as of `signatures`; `target_free` (test,) counts all IFOVs of a test; `normals`
-    (test, 2, bin) make the noise of every frame count, so that percentages are smooth in it.
-    `floor_sigma` is the prior deviation of the floor over that of a bin of one frame.
+    (test, 2, bin) generate the noise for every frame count, so that percentages vary smoothly with
+    it. `floor_sigma` is the prior deviation of the floor over that of a bin of one frame.
 
     Noise is Gaussian with the exact variance of each bin, (2 - pi/2) (CNR p + v) summed over IFOVs,
     over the number of frames, but with one correlation each for target and noise (`correlations`)
     instead of one for every IFOV. `ncti.classify.GaussianTemplates` factors a covariance for each
-    template, and where templates err anew for every number of frames; for thousands of settings,
-    this likelihood has one covariance for all templates,
+    template and, with a template error, for each number of frames; for thousands of settings, this
+    likelihood has one covariance for all templates,
 
         W = S / N + B,
 
@@ -201,20 +202,20 @@ class ProfileMatch:
         bend = learned[:, 1:-1] - (learned[:, :-2] + learned[:, 2:]) / 2
         bend = bend.reshape(-1, bins)
         between = BETWEEN * bend.T @ bend / max(len(bend), 1) + floor_sigma**2 * variance
-        self._unknown, directions = eigh(between, frame)
+        self._eigenvalues, directions = eigh(between, frame)
         deviation = frame_noise(power, ifovs, normals, radar)
         flat = learned.reshape(-1, bins)
         self._templates, self._tests, self._noise = (
             (rows @ directions).astype(np.float32) for rows in (flat, measured, deviation)
         )
-        self._largest = np.square(self._templates).max(axis=0).astype(np.float64)
+        self._peak_energies = np.square(self._templates).max(axis=0).astype(np.float64)
 
     def evidence(self, frame_count: float, *, gain_sigma: float) -> Singles:
         """Return the (test, template) log likelihood of averages, as of `log_evidence`."""
-        weight = 1.0 / (1.0 / frame_count + np.maximum(self._unknown, 0.0))
+        weight = 1.0 / (1.0 / frame_count + np.maximum(self._eigenvalues, 0.0))
         energy = np.square(self._templates) @ weight.astype(np.float32)
         # Directions in which every template lies below the noise carry no information.
-        used = self._largest * weight > NEGLIGIBLE
+        used = self._peak_energies * weight > NEGLIGIBLE
         averages = self._tests[:, used] + self._noise[:, used] * np.float32(frame_count**-0.5)
         product = (averages * weight[used].astype(np.float32)) @ self._templates[:, used].T
         return log_evidence(product, energy, gain_sigma=gain_sigma)

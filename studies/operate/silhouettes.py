@@ -85,14 +85,14 @@ class SilhouetteMatch:
         mean_difference = float(nearest.mean()) if nearest.size else 0.0
         self.between = mean_difference / max(float(self.size.mean()), 1.0)
         self._ships, views = left_out.shape[:2]
-        self._truth = np.repeat(np.arange(self._ships), views)
+        self._true_ships = np.repeat(np.arange(self._ships), views)
         calibration = left_out[..., occupied].reshape(-1, of_all.shape[1]).astype(np.float32)
         # Products with the silhouettes, the scene noise and the detector noise.
         self._tests, self._left_out = (
-            [rows @ of_all.T for rows in (masks, *_normals(rng, masks))]
+            [rows @ of_all.T for rows in (masks, *_draw_normals(rng, masks))]
             for masks in (test_pixels, calibration)
         )
-        self._fitted: dict[tuple[float, Imager, float, float], float] = {}
+        self._inverse_temperatures: dict[tuple[float, Imager, float, float], float] = {}
 
     def evidence(
         self, frame_count: float, *, imager: Imager, slant_range: float, gain_sigma: float
@@ -115,17 +115,17 @@ class SilhouetteMatch:
             return log_evidence(product, energy, gain_sigma=gain_sigma)
 
         key = frame_count, imager, slant_range, gain_sigma
-        if key not in self._fitted:
+        if key not in self._inverse_temperatures:
             # At worst, all pixels of a ship err together.
             least = variance / (noise + error * max(float(self.size.mean()), 1.0))
             calibration = white_evidence(self._left_out)
-            self._fitted[key] = fit_inverse_temperature(
-                calibration, self._ships, self._truth, least=least
+            self._inverse_temperatures[key] = fit_inverse_temperature(
+                calibration, self._ships, self._true_ships, least=least
             )
         evidence = white_evidence(self._tests)
-        evidence *= np.float32(self._fitted[key])
+        evidence *= np.float32(self._inverse_temperatures[key])
         return evidence
 
 
-def _normals(rng: np.random.Generator, views: Singles) -> Singles:
+def _draw_normals(rng: np.random.Generator, views: Singles) -> Singles:
     return rng.standard_normal((2, *views.shape), dtype=np.float32)

@@ -39,8 +39,8 @@ def crossing(values: ArrayLike, places: ArrayLike, *, level: float = 0.95) -> Fl
     """Return the smallest place (...) at which values (..., x) reach a level.
 
     Values are made non-decreasing by `isotonic`; places (x,), such as numbers of frames, are
-    positive and increase. Between them the place is linear in its logarithm; it is the first of
-    them where the level is reached from the start, and infinity where it is not reached at all.
+    positive and increase. Between places, their logarithm is interpolated linearly. The result is
+    the first place if it already reaches the level, and infinity if no place does.
     """
     fitted, positions = isotonic(values), np.asarray(places, dtype=np.float64)
     log = np.log(positions)

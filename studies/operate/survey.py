@@ -21,7 +21,8 @@ PLACES = ((0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75))
 """Places of the ship origin in its IFOV, right and up [IFOV], that templates have in turn."""
 
 DRAWN_FOR = 100e3
-"""Slant range [m] whose wavefront curvature extents have: views are those of the far field."""
+"""Slant range [m] at which extents are computed: it sets only their wavefront curvature, since
+views are drawn in the far field."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +30,9 @@ class ViewExtents:
     """Range extents of several views of a ship, without empty bins; all attributes are arrays.
 
     `fraction` (sample,) is the projected area visible in a range bin of an IFOV over the IFOV's
-    area, `range_bin` (sample,) that bin, `samples` (ifov,) how many each IFOV has, `cell` (ifov, 2)
-    its column and row, with the ship origin in (0, 0), and `ifovs` (view,) how many see
-    the ship.
+    area, `range_bin` (sample,) that bin, `samples` (ifov,) the number of these entries in each
+    IFOV, `cell` (ifov, 2) its column and row, with the ship origin in (0, 0), and `ifovs` (view,)
+    the number of IFOVs that see the ship.
     """
 
     fraction: NDArray[np.float32]

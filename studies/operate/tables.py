@@ -38,7 +38,7 @@ def frames_needed(operated: xr.Dataset) -> xr.DataArray:
 def tabulate_frames(operated: xr.Dataset) -> xr.Dataset:
     """Return the frames that suffice near the article's laser radar, with 95 % bootstrap intervals.
 
-    The attribute `infinite` of `frames` says in words what infinity means.
+    The attribute `infinite` of `frames` holds the text to show for infinity.
     """
     needed = frames_needed(operated.sel(ARTICLE, method="nearest"))
     columns = {"frames": (needed.isel(resample=0), f"frames by which {LEVEL:.0%} are identified")}

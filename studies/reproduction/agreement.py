@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-COOLEST, HOTTEST = 1.0, 1e12  # temperatures of `posterior_weights`
+MIN_TEMPERATURE, MAX_TEMPERATURE = 1.0, 1e12  # temperatures of `posterior_weights`
 HALVINGS = 100  # of the interval in which a temperature is sought
 LEVEL = 2.0  # standard deviations within which figures agree
 
@@ -75,8 +75,8 @@ def posterior_weights(chi_square: Floats, *, effective: float = 1.0) -> Posterio
     """Return the posterior weights of settings that were drawn from their prior.
 
     Weights are proportional to exp(-chi^2 / (2 T)) of the distances (setting,). The temperature T
-    is 1 if that leaves at least the `effective` number of settings, and otherwise as high as it
-    takes.
+    is 1 if the effective number of settings is then at least `effective`, and otherwise the lowest
+    that reaches it.
 
     This is importance sampling from the prior with a Gaussian likelihood of the figures,
     approximate Bayesian computation with a Gaussian kernel (R. D. Wilkinson, Statistical
@@ -92,7 +92,7 @@ def posterior_weights(chi_square: Floats, *, effective: float = 1.0) -> Posterio
         return Posterior(weight / weight.sum(), temperature)
 
     # The effective number rises with the temperature: bisection of its logarithm.
-    low, high = COOLEST, HOTTEST
+    low, high = MIN_TEMPERATURE, MAX_TEMPERATURE
     if posterior_at(low).effective >= effective:
         return posterior_at(low)
     for _ in range(HALVINGS):
@@ -118,7 +118,7 @@ class Reach:
 
 
 def measure_reach(simulated: Floats, given: Floats, variance: Floats) -> Reach:
-    """Return which given figures (figure,) some setting agrees with, each taken by itself.
+    """Return the range of each figure over settings, and its agreement with the given (figure,).
 
     `simulated` and `variance` (setting, figure) are as of `chi_square`.
     """

@@ -32,11 +32,11 @@ FITS: dict[str, tuple[int, ...]] = {
 EFFECTIVE = 50.0
 """Least effective number of settings of a posterior."""
 
-CATEGORY = 1.0
-"""Standard deviation of a number of categories besides that over orders of presentation."""
+CATEGORY_SIGMA = 1.0
+"""Standard deviation of a number of categories, in addition to that over orders of presentation."""
 
-SHARED = 0.75
-"""Share of the correlation of the signs of two averages that the answers to them have."""
+SIGN_CORRELATION_SHARE = 0.75
+"""Correlation of the answers to two averages, relative to that of the signs of the averages."""
 
 Floats = NDArray[np.float64]
 
@@ -64,13 +64,13 @@ class Agreement:
     def variance(self) -> Floats:
         """Variances (setting, figure) of the article's figures about each setting's.
 
-        Percentages have the binomial variance of as many views as the article's, numbers of
-        categories that over orders of presentation and that of one category; to both is added that
-        of our mean.
+        Percentages have the binomial variance for the article's number of views. Numbers of
+        categories have the variance over orders of presentation plus that of one category. The
+        variance of the simulated mean is added to both.
         """
         trials = np.array([figure.trials for figure in self.figures])
         share = trials > 0
-        variance: Floats = self.spread**2 + CATEGORY**2
+        variance: Floats = self.spread**2 + CATEGORY_SIGMA**2
         variance[:, share] = binomial_variance(self.mean[:, share], trials[share])
         return variance + self.spread**2 / self.draws
 
@@ -90,7 +90,7 @@ class Agreement:
         most = np.maximum.outer(frames, frames)
         ratio = np.minimum.outer(frames, frames) / np.maximum(most, 1)
         correlation: Floats = np.where(
-            same_column, SHARED * 2 / np.pi * np.arcsin(np.sqrt(ratio)), 0.0
+            same_column, SIGN_CORRELATION_SHARE * 2 / np.pi * np.arcsin(np.sqrt(ratio)), 0.0
         )
         np.fill_diagonal(correlation, 1.0)
         return correlation

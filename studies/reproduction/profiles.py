@@ -116,14 +116,14 @@ def averaged_profiles(
 ) -> Floats:
     """Return (draw, frame_count, bin) averaged frames, noise floor included, as Gaussian processes.
 
-    `frame_counts` fall, and averages of one draw share their first frames. Averages have the exact
-    mean and covariance of `ncti.ladar.frame_moments`. A frame sums magnitudes over dozens of IFOVs,
-    so they are nearly normal, at a tenth of the time of drawing each IFOV. The neglected skewness
-    is largest in averages of few frames without target-free IFOVs, where ships are named correctly
-    as often (`tests/studies/reproduction`).
+    `frame_counts` must decrease; averages of one draw share their first frames. Averages have the
+    exact mean and covariance of `ncti.ladar.frame_moments`. A frame sums magnitudes over dozens of
+    IFOVs, so they are nearly normal, at a tenth of the time of drawing each IFOV. The neglected
+    skewness is largest in averages of few frames without target-free IFOVs, where ships are named
+    correctly as often (`tests/studies/reproduction`).
     """
     longest = np.array(frame_counts)
-    steps = -np.diff([*longest, 0])  # frames that each average has more than the next
+    steps = -np.diff([*longest, 0])  # frames of each average that the next one lacks
     from scipy.linalg import cholesky_banded
 
     mean, band = banded_frame_moments(

@@ -40,8 +40,8 @@ def reproduce(
     aspect and a depression [deg], as `draw` does. `table2` and `table4` are percent
     correct by (row, bin), rows being training, then 32, 16, 8 and 4 frames; `table3` counts
     categories at 10, 30 and 50 ns; `table5` has rows 25 km, 50 km with half pixels, 50 km;
-    `categories5` is (1,). The multilayered network is trained once; so is the other, or once a draw
-    if orders are random.
+    `categories5` is (1,). The multilayered network is trained once; the Adaptive Clustering Network
+    is too, unless orders are random: then it is trained once per draw.
     """
     angles = np.asarray(aspects, dtype=np.float64)
     ships = [_variant(name, assumed[f"variant_{name}"]) for name in SHIPS]

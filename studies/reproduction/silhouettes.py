@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 VIGILANCE = 0.87
 FRAMES = 16
-SHARP = 1e-3  # K, standard deviation at which the matched segmentation is a threshold
+SMALL_SIGMA = 1e-3  # K, standard deviation at which the matched segmentation is a threshold
 
 Floats = NDArray[np.float64]
 Masks = NDArray[np.bool_]
@@ -29,7 +29,7 @@ Masks = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Look:
-    """A row of Table 5: the slant range [m], and the range whose pixels its images have [m]."""
+    """A row of Table 5: the slant range [m], and the range [m] that sets its pixel size."""
 
     slant_range: float
     pixels_of: float
@@ -55,7 +55,7 @@ def silhouette_table(
     by ship, by slant range [m]; other arguments are those of `profile_tables`.
     """
     learned, tested = places
-    # Views are the same ones where depressions are, and targets where views, pixels and places are.
+    # Ranges with equal depressions share views; equal views, pixels and places share targets.
     patches = {
         id(views): [Hits.of(image).patches() for image in views] for views in images.values()
     }
@@ -74,10 +74,10 @@ def silhouette_table(
     imager = Imager(
         **{name: assumed[name] for name in ("coverage_rule", "target_spread", "sea_spread")}
     )
-    templates = _maps(targets(LOOKS[0], learned), assumed)
+    templates = _map_vectors(targets(LOOKS[0], learned), assumed)
     tests = np.stack(
         [
-            _maps(
+            _map_vectors(
                 _segmented_silhouettes(
                     targets(look, tested), look.slant_range, imager, assumed, draws, rng
                 ),
@@ -132,11 +132,11 @@ def _segmented_silhouettes(
     images = np.where(targets, warm, sigmas["sea_sigma"] * noise)
     if assumed["segmentation"] == "matched":
         return segment(images, contrast=contrast, **sigmas)
-    sharp: dict[str, Any] = {"target_sigma": SHARP, "sea_sigma": SHARP}
-    return segment(images, contrast=2.0 * assumed["threshold"] * contrast, **sharp)
+    threshold_sigmas: dict[str, Any] = {"target_sigma": SMALL_SIGMA, "sea_sigma": SMALL_SIGMA}
+    return segment(images, contrast=2.0 * assumed["threshold"] * contrast, **threshold_sigmas)
 
 
-def _maps(masks: Masks, assumed: Mapping[str, Any]) -> Floats:
+def _map_vectors(masks: Masks, assumed: Mapping[str, Any]) -> Floats:
     """Return (..., view, feature) log-polar maps of (..., view, row, col) silhouettes."""
     maps = log_polar(
         masks,

@@ -21,7 +21,7 @@ class Simulated:
 
     @classmethod
     def of(cls, draws: ArrayLike) -> Simulated:
-        """Return the scores of (draw, ...) figures of at least two draws."""
+        """Return the mean and spread of (draw, ...) figures, for at least two draws."""
         figures = np.asarray(draws, dtype=np.float64)
         return cls(figures.mean(axis=0), figures.std(axis=0, ddof=1))
 

@@ -32,8 +32,8 @@ CONF = Path(__file__).with_name("conf")
 IMPORTS = ("ncti.classify.adaptive_clustering", "ncti.classify.gain_annealed", "scipy.stats.qmc")
 ENDS = (0.025, 0.975)  # of a posterior
 JUDGED = (2, 3, 4, 5)  # tables of the article
-OF_FIGURES = ("article", "least", "largest", "agreeing", "nearest")
-KEPT = 5000  # views: 31 of 36 ships and variants at four depressions, some 1.1 GB
+FIGURE_COLUMNS = ("article", "least", "largest", "agreeing", "nearest")
+CACHED_VIEWS = 5000  # views: 31 of 36 ships and variants at four depressions, some 1.1 GB
 VARIABLES = ("mean", "spread", "value")
 
 
@@ -76,7 +76,7 @@ def reproduced(
 ) -> Arrays:
     """Return the article's figures and all parameters in one setting."""
     values = assumed(setting, seed=seed)
-    tables = reproduce(values, aspects=aspect, draws=draws, rng=rng, view=_view)
+    tables = reproduce(values, aspects=aspect, draws=draws, rng=rng, view=_draw_view)
     numbers = [prior.number(values[name]) for name, prior in PRIORS.items()]
     return {
         "mean": article.figure_order({name: scores.mean for name, scores in tables.items()}),
@@ -85,8 +85,8 @@ def reproduced(
     }
 
 
-@lru_cache(maxsize=KEPT)
-def _view(ship: str, aspect: float, depression: float) -> LineImage:
+@lru_cache(maxsize=CACHED_VIEWS)
+def _draw_view(ship: str, aspect: float, depression: float) -> LineImage:
     mesh = meshes.read_mesh(meshes.mesh_source(ship_name(ship)))
     return draw(mesh, aspect, depression)
 
@@ -223,7 +223,7 @@ TABLES = (
         Display(
             "reproduction",
             "The article's figures, by the tables that settings are fitted to",
-            (_shown("percent"), *(_shown(name, listed=False) for name in OF_FIGURES)),
+            (_shown("percent"), *(_shown(name, listed=False) for name in FIGURE_COLUMNS)),
             rows=("figure",),
             columns="fitted",
             notes=("Percent correct, or categories, with the middle 95 % of the posterior.",),

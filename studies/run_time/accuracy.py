@@ -29,7 +29,7 @@ def exact_extent(
     Angles are in degrees, other arguments as of `ncti.ladar.range_extent`.
     """
     centres = bin_centres(window, bin_width)
-    side = ifov * (slant_range / 1e3) * 1e3  # in this order, by which results are stored
+    side = ifov * (slant_range / 1e3) * 1e3  # stored results depend on this order
     edges = bin_width * (np.arange(centres.size + 1, dtype=np.float64) - centres.size / 2)
     view = {"aspect": aspect, "depression": depression, "slant_range": slant_range}
     exact = reference_range_extent(mesh, bin_edges=edges, side=side, **view)
@@ -42,8 +42,8 @@ def extent_errors(
 ) -> dict[str, float]:
     """Return the relative errors of a range extent, sum |p - q| over sum q, against the exact q.
 
-    `extent_error` is of the sums over IFOVs; `ifov_error` of all IFOVs, each compared with its own;
-    `profile_error` of the sums after the power response of a pulse. `pulse_width` [s].
+    `extent_error` compares sums over IFOVs, `ifov_error` each IFOV separately, and `profile_error`
+    sums over IFOVs after the power response of a pulse. `pulse_width` [s].
     """
     p, q = extent.fraction.sum(axis=0), exact.fraction.sum(axis=0)
     rows = {tuple(cell): row for cell, row in zip(exact.cell.tolist(), exact.fraction, strict=True)}

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-ON_EDGE = 1e-9
+EDGE_TOLERANCE = 1e-9
 """Distance [m] from the edge of a bin up to which a corner lies on it, and so in the bin
 behind, whatever the rounding."""
 
-MISPLACED = 1e-5
+MAX_MISPLACED_SHARE = 1e-5
 """Share of the area that chords in place of bent lines of equal range may put into a wrong bin;
 facets are divided until they put less."""
 
@@ -52,9 +52,9 @@ def reference_range_extent(
     """Return the exact visible projected area of a mesh, by IFOV and range bin.
 
     `mesh` is closed with outward winding, or a sheet wound towards the sensor; angles are in
-    degrees; `bin_edges` (bin + 1,) are down-range [m], the last one beyond the mesh; `side` is that
-    of a square IFOV [m], by default one that sees everything; without `slant_range` [m] it is the
-    far field.
+    degrees; `bin_edges` (bin + 1,) are down-range [m], the last one beyond the mesh; `side` is the
+    side of a square IFOV [m], by default of one that sees the whole mesh; without `slant_range` [m]
+    the mesh is seen from the far field.
 
     Outlines are united, never solids: trimming a solid and projecting it would be shorter, but is
     wrong by percents for hulls with slivers. Areas are accurate to the clipper's grid of 1e-8 m
@@ -120,7 +120,7 @@ def _ranges(points: Floats, curvature: float) -> Floats:
 
 def _divide_facets(corners: Floats, edges: Floats, curvature: float) -> Floats:
     """Halve facets at their longest edge until chords put little enough area into wrong bins."""
-    limit = MISPLACED * _signed_area(_project_points(corners, curvature)).sum()
+    limit = MAX_MISPLACED_SHARE * _signed_area(_project_points(corners, curvature)).sum()
     while True:
         wrong = _misplaced_area(corners, edges, curvature)
         order = np.argsort(wrong)
@@ -139,12 +139,12 @@ def _divide_facets(corners: Floats, edges: Floats, curvature: float) -> Floats:
 
 
 def _misplaced_area(corners: Floats, edges: Floats, curvature: float) -> Floats:
-    """Return the area of each facet that chords may put into wrong bins, at most."""
+    """Return an upper bound on the area of each facet that chords put into wrong bins."""
     ranges = _ranges(corners, curvature)
     order = np.argsort(ranges, axis=1)
     near, middle, far = np.take_along_axis(ranges, order, axis=1).T
     first, second, last = np.take_along_axis(corners, order[..., None], axis=1).swapaxes(0, 1)
-    span = np.maximum(far - near, ON_EDGE)
+    span = np.maximum(far - near, EDGE_TOLERANCE)
 
     def bend(run: Floats) -> Floats:
         return curvature * np.sum(run**2, axis=1) / (8.0 * (1.0 + curvature * near))
@@ -164,8 +164,8 @@ def _slice(corners: Floats, edges: Floats, curvature: float) -> tuple[Floats, ND
     Returns the (piece, 5, 2) counter-clockwise outlines, and the slab of each, in ascending order.
     """
     ranges = _ranges(corners, curvature)
-    closest = np.minimum(np.searchsorted(edges, ranges - ON_EDGE), len(edges) - 1)
-    ranges = np.where(np.abs(ranges - edges[closest]) < ON_EDGE, edges[closest], ranges)
+    closest = np.minimum(np.searchsorted(edges, ranges - EDGE_TOLERANCE), len(edges) - 1)
+    ranges = np.where(np.abs(ranges - edges[closest]) < EDGE_TOLERANCE, edges[closest], ranges)
     order = np.argsort(ranges, axis=1)
     ranges = np.take_along_axis(ranges, order, axis=1)
     corners = np.take_along_axis(corners, order[..., None], axis=1)

@@ -24,9 +24,9 @@ def call_in_process(
 ) -> Result:
     """Return the result of a function, called in a process where an engine can render.
 
-    That is this process, unless the engine, a name or `lines`, needs another OpenGL than the one
-    bound, or preferred, here. Function, arguments and result are pickled then. If the other process
-    ends, it is an `EngineError`.
+    The call stays in this process unless the engine, a name or `lines`, needs an OpenGL platform
+    other than the one bound, or preferred, here. Otherwise function, arguments and result are
+    pickled, and `EngineError` reports that the other process has ended.
     """
     if engine not in engines() or engine in ("embree", choose_engine("auto")):
         return function(*arguments, **named)
@@ -56,7 +56,7 @@ def _process(parent: int, engine: str) -> subprocess.Popen[bytes]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         # The threads of numerical libraries are limited by the environment, which it inherits.
-        start_new_session=True,  # an interrupt is for this process, whose end ends it
+        start_new_session=True,  # an interrupt reaches only the parent, whose end ends this one
         env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
     )
 

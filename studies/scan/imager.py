@@ -42,8 +42,8 @@ def places(
 ) -> Pixels:
     """Return the (target, 2) column and row of the pixel corner at each target's origin.
 
-    Each target has its own slot of bearings, in random order, with so much sea between targets that
-    no ship reaches across.
+    Each target has its own slot of bearings, in random order, with enough sea between targets that
+    no ship reaches another.
     """
     slot = field.width / max(len(targets), 1)
     free = slot / 2 - survey.length / survey.slant_range

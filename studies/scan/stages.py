@@ -117,7 +117,7 @@ survey = derived(
     name="survey",
 )(Survey)
 
-# Arrays of a target: of as many IFOVs as any ship has, empty ones too.
+# Arrays of a target, padded with empty IFOVs to the largest number that any ship has.
 TARGET = (
     *(Output(name, dtype="f8") for name in ("true_aspect", "offset", "slant_range")),
     Output("fraction", ("ifov", "down_range")),
@@ -169,26 +169,26 @@ def targets(survey: Survey, scan_target: Arrays, scan_decoy: Arrays) -> list[Tar
 scan_imager = derived(
     uses=(Infrared, Scan), reads={"frame_count": Scan.imager_frames}, name="scan_imager"
 )(Imager)
-_of_target = partial(Output, dims=("target",), dtype="i4")
-_of_detection = partial(Output, dims=("detection", "edge"), dtype="i4", pad=-1)
-_ship = partial(Output, dims=("detection",), dtype="i4", pad=-2)
+_target_output = partial(Output, dims=("target",), dtype="i4")
+_box_output = partial(Output, dims=("detection", "edge"), dtype="i4", pad=-1)
+_ship_output = partial(Output, dims=("detection",), dtype="i4", pad=-2)
 
 detected = FIELD.stage(
-    _of_target("column", label="column of a target's origin in the field"),
-    _of_target("row", label="row of a target's origin in the field"),
-    _of_target("true_aspect", dtype="f4", label="aspect of a target", unit="degree"),
-    _of_target("slant_range", dtype="f4", label="slant range of a target", unit="m"),
-    _of_target("shown", label="pixels that show a target"),
-    _of_target("hot", label="pixels of a target above the threshold"),
-    _of_target(
+    _target_output("column", label="column of a target's origin in the field"),
+    _target_output("row", label="row of a target's origin in the field"),
+    _target_output("true_aspect", dtype="f4", label="aspect of a target", unit="degree"),
+    _target_output("slant_range", dtype="f4", label="slant range of a target", unit="m"),
+    _target_output("shown", label="pixels that show a target"),
+    _target_output("hot", label="pixels of a target above the threshold"),
+    _target_output(
         "detection_probability",
         dtype="f4",
         label="probability that a target is detected, in closed form",
     ),
     Output("alarms", dtype="i4", label="pixels of the sea above the threshold"),
-    _ship("source", label="detected target; -1 for the sea"),
-    _of_detection("box", label="pixels of a detection"),
-    _of_detection("visit", label="pixels of the visit to a detection"),
+    _ship_output("source", label="detected target; -1 for the sea"),
+    _box_output("box", label="pixels of a detection"),
+    _box_output("visit", label="pixels of the visit to a detection"),
     reads={"imager": "scan_imager"},
     stream=Stream((Grid.range, Grid.replicate), "scan_detected"),
     name="detected",
@@ -237,7 +237,7 @@ known = stage(
 )(known_similarity)
 
 visited = FIELD.stage(
-    _ship("named", label="ship predicted by a visit"),
+    _ship_output("named", label="ship predicted by a visit"),
     Output(
         "similarity", ("detection",), pad=np.nan, label="cosine similarity to the nearest profile"
     ),
@@ -342,7 +342,7 @@ def depressions(choices: Choices, slant_range: float) -> set[float]:
 
 # The table
 
-SHARES = {  # of what: part and whole
+SHARES = {  # numerator and denominator of each share
     "detected": ("detected", "ships"),
     "right": ("right", "detected"),
     "wrong": ("wrong", "detected"),
@@ -359,7 +359,7 @@ MEANS = {"false_a_field": "false", "alarms_a_field": "alarms"} | {name: name for
 def tabulate(scan: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return shares over all draws with 95 % Wilson intervals, and means of counts and times.
 
-    A share of nothing is NaN, within 0 and 1.
+    A share without trials is NaN, and its interval runs from 0 to 1.
     """
     import xarray as xr
 

@@ -77,7 +77,7 @@ class Survey:
     def target(
         self, mesh: trimesh.Trimesh, aspects: tuple[float, ...], rng: np.random.Generator
     ) -> Target:
-        """Return a ship at a random place, at an aspect between the extremes of some [deg]."""
+        """Return a ship at a random place and aspect, between the extremes of `aspects` [deg]."""
         aspect = float(rng.uniform(min(aspects), max(aspects)))
         offset, deep = rng.uniform(-1, 1, 2).tolist()
         far = self.slant_range * (1 + self.depth * deep)

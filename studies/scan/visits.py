@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from ncti.classify.likelihood import GaussianTemplates
 
-FITTED = 8  # classifiers kept, one for each number of IFOVs of a visit
-STEP = 1.2  # between these numbers: the noise's variance is taken within a tenth
+CACHED_CLASSIFIERS = 8  # classifiers kept, one for each number of IFOVs of a visit
+STEP = 1.2  # ratio of successive numbers: keeps the noise variance within a tenth
 
 Floats = NDArray[np.float64]
 
@@ -50,9 +50,9 @@ class Laser:
         frame_count: tuple[int, ...],
         rng: np.random.Generator,
     ) -> Floats:
-        """Return (frame_count, bin) averages of frames of some IFOVs, those of an extent included.
+        """Return (frame_count, bin) averages of frames of `ifovs` IFOVs, with those of `extent`.
 
-        The extent is at its own range.
+        The carrier-to-noise ratio is that at the slant range of `extent`.
         """
         cnr = carrier_to_noise(
             extent.slant_range,
@@ -89,10 +89,10 @@ class VisitTemplates:
 
     @cached_property
     def classifier_of(self) -> Callable[[int], GaussianTemplates]:
-        """Cached function of a number of IFOVs, the ship's included, that returns a classifier."""
-        return lru_cache(maxsize=FITTED)(self._fit)
+        """Function from the number of IFOVs, the ship's included, to a cached classifier."""
+        return lru_cache(maxsize=CACHED_CLASSIFIERS)(self._fit_classifier)
 
-    def _fit(self, ifovs: int) -> GaussianTemplates:
+    def _fit_classifier(self, ifovs: int) -> GaussianTemplates:
         from ncti.classify.likelihood import GaussianTemplates
 
         empty = np.maximum(ifovs - self.ifovs, 0)
@@ -109,8 +109,8 @@ class VisitTemplates:
         """Return the most probable ships of (visit, bin) averages, and their similarity.
 
         Similarity is the largest cosine of a profile vector with those of that ship's templates.
-        The classifier is that of a power of `STEP` IFOVs near the visit's number, to whose floor
-        averages are shifted.
+        The classifier is fitted for the power of `STEP` nearest to the visit's number of IFOVs, and
+        averages are shifted to its floor.
         """
         near = round(STEP ** round(math.log(ifovs, STEP)))
         raised = averages + (near - ifovs) * self.noise[0]
@@ -276,10 +276,10 @@ def search_outcome(
 ) -> dict[str, Any]:
     """Return the counts and times of a search by name.
 
-    Those are of `outcomes` and `Schedule`, and `decoys`, their number. `detected`, `visited` and
-    `known` are results of `observe`, `identify_visits` and `known_similarity`. `threshold` is the
-    similarity below which a share `lost` of visits to known ships lies; `accepted` are the
-    (detection,) visits that reach it.
+    They are the counts of `outcomes`, the times of `Schedule`, and `decoys`, the number of decoys.
+    `detected`, `visited` and `known` are results of `observe`, `identify_visits` and
+    `known_similarity`. `threshold` is the similarity below which a share `lost` of visits to known
+    ships lies; `accepted` are the (detection,) visits that reach it.
     """
     threshold = float(np.quantile(known, lost))
     accepted = visited["similarity"] >= threshold

@@ -184,7 +184,8 @@ def _compute(
 ) -> tuple[Failures, Executor | None]:
     """Compute missing cells on workers, which `stack` ends; return failures and workers, if any.
 
-    This process does little work instead of local workers. Raises as `execute` does.
+    This process does a small amount of work itself, without local workers. Raises what `execute`
+    raises.
     """
     plan, choice = schedule.plan, options.cluster
     with allow_interrupts():
@@ -205,7 +206,7 @@ def _compute(
         check_guard()
         if _fits_in_process(schedule, [bound for bound, *_ in missing], options.store):
             choice = ClusterChoice("inline")
-    entered = open_executor(
+    executor_context = open_executor(
         choice,
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
@@ -213,19 +214,19 @@ def _compute(
         packs=index.cells,
         say=callbacks.say,
     )
-    starting = thread.submit(stack.enter_context, entered)
+    executor_future = thread.submit(stack.enter_context, executor_context)
     is_local = choice.kind in LOCAL_KINDS
     preparations = plan.experiment.prepare(plan.choices, callbacks.say) if is_local else ()
     tables = TABLE_MODULES if plan.experiment.tables else ()
     # The executor first: dask's modules import each other, so only one thread may import them.
     imports = EXECUTOR_MODULE, *tables, *options.imports
     names = deque(imports if choice.kind != "inline" else ())
-    while names and not starting.done():
+    while names and not executor_future.done():
         raise_if_stopped()
-        with suppress(Exception):  # the report gives the reason, when the store is written
+        with suppress(Exception):  # the report imports it again, and gives the reason
             import_module(names.popleft())
     with allow_interrupts():
-        workers = starting.result()
+        workers = executor_future.result()
     for name in names:  # while workers compute
         thread.submit(import_module, name)
     call_each(preparations, workers, lambda: callbacks.step(schedule))
@@ -233,9 +234,10 @@ def _compute(
 
 
 def _fits_in_process(schedule: Schedule, stages: Sequence[BoundStage], store: PathOrUrl) -> bool:
-    """Return whether little work is left, only of stages of packages that made an existing store.
+    """Return whether this process may do the missing work itself, without worker processes.
 
-    Their calls have ended no process, so they may run in the command; a script's calls may not.
+    The work must be short, and only of stages in packages that have already made the store: their
+    calls have not crashed a process. The calls of a script's stages always need workers.
     """
     if sum(schedule.remaining_seconds().values()) >= INLINE_SECONDS:
         return False
@@ -265,7 +267,7 @@ def is_complete(
 ) -> bool:
     """Return whether an undamaged store has all results of a plan."""
     raise_if_stopped()
-    # In the form in which a store returns them.
+    # Encode and decode, to compare with attributes read from a store.
     attributes = decode_attrs(encode_attrs(provenance(plan)))
     if "failures" in old or dict(old) != attributes:
         keys = sorted(key for key in {*old, *attributes} if old.get(key) != attributes.get(key))
@@ -338,7 +340,7 @@ def _write(
 
 
 def preview(plan: Plan, options: RunOptions) -> tuple[Mapping[str, tuple[int, int]], str]:
-    """Return the numbers of cells, and of cells to compute, of each stage, and the work in words.
+    """Return the number of cells and of cells to compute by stage, and a sentence on the work.
 
     Nothing is written, and neither store nor cache need exist.
 

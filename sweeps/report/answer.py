@@ -103,7 +103,7 @@ def _candidate_table(frame: Frame, candidates: Sequence[Candidate]) -> TextTable
 
 
 def _figure_table(frame: Frame, axes: Sequence[str]) -> TextTable:
-    """Return the figures by some axes, or the main one by the axis across, too."""
+    """Return the figures by some axes, or the main figure by these and the axis across."""
     selected = select_main(frame, axes)
     if selected.has_overall:
         selected = selected.select(selected.across, OVERALL)

@@ -33,7 +33,7 @@ GROUPS: dict[str, tuple[type[Settings], ...]] = {
     "mnn": (Scene, Ladar, Classifier, Mnn),
     "acn_infrared": (Scene, Infrared, Classifier, Network),
 }
-"""Settings that must be the article's, by its tables; `article` has the grid's."""
+"""Settings that must have the article's values, by table; the grid is checked separately."""
 
 ARTICLE_VALUES = {Ladar.place: CORNER}
 """The article's values of settings whose default is another."""
@@ -48,10 +48,10 @@ BOUND_COLUMNS = ("classifier", "channel", "gain_sigma", "frame_count")  # column
 
 @lru_cache
 def _printed_figures() -> dict[str, list[tuple[str, dict[str, Any], float]]]:
-    """Return the article's figures by table, as column, values of axes and number.
+    """Return the article's figures by table: tuples of column, values of axes, and number.
 
-    Those that tables print beside a sweep's, as declared in YAML. Aspect bins are named by their
-    lowest aspect [deg].
+    They are the figures that tables print beside a sweep's, declared in `article_columns.yaml`.
+    Aspect bins are named by their lowest aspect [deg].
     """
     text = files("sweeps.report").joinpath("article_columns.yaml").read_text(encoding="utf-8")
     printed: dict[str, list[tuple[str, dict[str, Any], float]]] = {}
@@ -118,14 +118,14 @@ def _bin_start(label: str) -> Any:
 
 
 def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[Any]] | None:
-    """Return the article's values, by name, of settings that a part sweeps beyond them.
+    """Return the article's values, by name, of settings that a part also sweeps over others.
 
     None if the part cannot be compared, or a setting lacks the article's values.
     """
     source = part.display.source
     if source == SENSOR_TABLE:
         return {}
-    if source not in GROUPS or not _has_source_views(part, attributes):
+    if source not in GROUPS or not _covers_article_views(part, attributes):
         return None
     settings = {setting.key: setting for group in GROUPS[source] for setting in group.declared}
     values_of = {}
@@ -143,7 +143,7 @@ def _article_values(part: Part, attributes: Mapping[str, Any]) -> dict[str, set[
     return values_of
 
 
-def _has_source_views(part: Part, attributes: Mapping[str, Any]) -> bool:
+def _covers_article_views(part: Part, attributes: Mapping[str, Any]) -> bool:
     """Return whether a table covers the packaged ships of the article and its aspects."""
     configured = flatten(
         (Grid.aspect, RandomAspects.random_aspects), attributes.get("configuration", {})

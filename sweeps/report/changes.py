@@ -1,4 +1,4 @@
-"""The answer of a comparison: the largest change, its setting, significance and course."""
+"""Headline and main table of a comparison: the largest change, its setting and significance."""
 
 from __future__ import annotations
 
@@ -106,14 +106,14 @@ def change_table(compared: Comparison, swept: Sequence[str]) -> TextTable:
     title = frame.title.partition(":")[0].replace("[points]", "[%]") if two else frame.title
     subtitle = [*_row_names(frame, largest), _row_setting(frame, largest, but=axis)] if axis else []
     heads = (*compared.names, "difference") if two else compared.names[1:]
-    fewer = f"{len(lines)} of {count} lines." if count > len(lines) else ""
+    truncation_note = f"{len(lines)} of {count} lines." if count > len(lines) else ""
     return TextTable(
         frame.name,
         ", ".join(filter(None, [title, *subtitle])),
         (down,),
         heads,
         tuple(lines),
-        tuple(filter(None, [fewer])),
+        tuple(filter(None, [truncation_note])),
     )
 
 
@@ -185,7 +185,7 @@ def _overall_rows(frame: Frame) -> pd.DataFrame:
 
 
 def largest_case(compared: Comparison) -> dict[str, Any]:
-    """Return the values of the axes at which the largest change is, by column."""
+    """Return the axis values of the largest change, by column."""
     frame = next(iter(compared.frames.values()), None)
     if frame is None:
         return {}

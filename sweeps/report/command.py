@@ -14,13 +14,13 @@ NAME, DISTRIBUTION = "ncti-report", "ncti-sweep"
 def main() -> None:
     """Run the command line.
 
-    Exits with 1 if another file is in the place of one to be written, or the output cannot be, and
-    with 2 if the store cannot be read.
+    Exits with 1 if another file blocks one to be written or the output cannot be written, and with
+    2 if the store cannot be read.
     """
     from sweeps.engine.run.interpreter import relax_gc
 
     relax_gc()
-    arguments = _parser().parse_intermixed_args()  # `a.zarr --html b.zarr`, too
+    arguments = _parser().parse_intermixed_args()  # allows `a.zarr --html b.zarr`
     from sweeps.engine.run.process import flush_output, say
 
     status = _run(arguments)

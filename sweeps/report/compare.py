@@ -85,9 +85,10 @@ class Comparison:
 def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     """Return differences by table, other stores less the first, percent correct first.
 
-    Answers are paired: of the settings, ships, aspects and draws that both stores have. A setting
-    of one value in each store is compared whatever these are. Other tables have the differences of
-    their figures, without intervals. Rows and tables in which nothing differs are left out.
+    Answers are paired over the settings, ships, aspects and draws that both stores have. A setting
+    with one value in each store does not prevent pairing, even if the two values differ. Other
+    tables contain the differences of their figures, without intervals. Rows and tables without any
+    difference are omitted.
 
     Raises
     ------
@@ -115,11 +116,11 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
         for table in subtracted:
             tables.setdefault(table.name, []).append(table)
     significant, number = holm(
-        [answers for display, answers in comparisons if _is_of_tests(display)]
+        [answers for display, answers in comparisons if _has_test_scores(display)]
     )
     of_tests = iter(significant)
     for display, answers in comparisons:
-        dataset = answers.tabulate(next(of_tests) if _is_of_tests(display) else None)
+        dataset = answers.tabulate(next(of_tests) if _has_test_scores(display) else None)
         tables[NAME].append(tidy_frame(dataset, display, ""))
     changed = [_keep_changes(stack_frames(parts)) for parts in tables.values() if parts]
     frames = {frame.name: _name_stores(frame, names) for frame in changed if frame is not None}
@@ -127,7 +128,7 @@ def compare(first: PathOrUrl, *others: PathOrUrl) -> Comparison:
     return Comparison(paths, names, frames, number, count)
 
 
-def _is_of_tests(display: Display) -> bool:
+def _has_test_scores(display: Display) -> bool:
     return is_test(display.labels.get("kind"))
 
 
@@ -190,7 +191,8 @@ def _no_overlap_reason(
 def _subtract_frames(first: Frame, second: Frame, labels: Mapping[str, str]) -> Frame:
     """Return the figures of a table, second less first, at the places that both frames have.
 
-    An axis of one value in each is no place, unless it is a label, such as the classifier.
+    Rows need not agree on an axis with one value in each frame, unless it is a label, such as the
+    classifier.
     """
     figures = [
         name
@@ -202,7 +204,7 @@ def _subtract_frames(first: Frame, second: Frame, labels: Mapping[str, str]) -> 
     varying = {n for frame in (first, second) for n in axes if frame.rows[n].nunique() > 1}
     shared = [name for name in axes if name in varying | labelled]
     places = [name for name in second.place_columns if name in shared or name not in axes]
-    # The number of the part is a key in common even where no axis is.
+    # A constant part number is a merge key even if the frames share no axis.
     first_rows = first.rows.assign(**{PART: 0})[[PART, *shared, *figures]]
     second_rows = second.rows.assign(**{PART: 0})[[PART, *places, *figures]]
     rows = second_rows.merge(first_rows, on=[PART, *shared], suffixes=("", f"_{FIRST_STORE}"))

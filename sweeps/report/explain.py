@@ -35,7 +35,7 @@ def meaning(word: str) -> str:
 def print_meaning(command: str, word: str) -> int:
     """Print the meaning of a word, or all words without one; return the exit status of a command.
 
-    A word that the glossary lacks is refused in one sentence with those near to it.
+    For a word that the glossary lacks, print an error that suggests similar terms.
     """
     with suppress(BrokenPipeError):
         if not word:
@@ -77,6 +77,6 @@ def _fold_word(word: str) -> str:
 def _strip_markup(text: str) -> str:
     """Return a text without markup, on one line."""
     text = " ".join(text.split())
-    for pattern, instead in _MARKUP:
-        text = pattern.sub(instead, text)
+    for pattern, replacement in _MARKUP:
+        text = pattern.sub(replacement, text)
     return text

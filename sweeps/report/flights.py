@@ -33,21 +33,21 @@ KINDS = {
     f"range mod {STRIPE_WIDTH:g} m": "twilight",
     "infrared [K]": "inferno",  # of the truth, the share of ship
 }
-SHIFTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
-TURNS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
+AZIMUTH_TEXTS = {"pixel": "", "line": " by line", "constant": " by one constant"}
+MIRROR_TEXTS = {"exact": "sheared", "printed": "sheared by the printed angle", "rotation": "turned"}
 VIEW = ("range", "aspect")
 RAW, TRUTH = "overscanned", "truth, noiseless"
 
 
 def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
-    """Return every flight of `validation`, by ship (slowest), range and aspect, with its title.
+    """Return the flights of `validation` by title, in order of ship (slowest), range and aspect.
 
-    Its first draw, at the preferred value of all other axes.
+    Each is the first draw, at the preferred value of all other axes.
     """
     dims = [str(dim) for dim in flights.looks.dims if dim != "ship"]
     flown = flights.ship.values[flights.looks.notnull().any(dims)]
     swept = [dim for dim in dims if dim not in VIEW and flights.sizes[dim] > 1]
-    titled = {}
+    flights_by_title = {}
     for ship, *view in product(flown, *(flights[name].values for name in VIEW)):
         flown_view = flights.sel(dict(zip(("ship", *VIEW), (ship, *view), strict=True)))
         flight = select_preferred(flown_view, keep=("source", "kind", "pulse_width"))
@@ -55,8 +55,8 @@ def flights_of(flights: xr.Dataset) -> dict[str, xr.Dataset]:
         words += [
             f"{dim.replace('_', ' ')} {flight[dim].item()}" for dim in swept if dim in flight.coords
         ]
-        titled[", ".join(words)] = flight
-    return titled
+        flights_by_title[", ".join(words)] = flight
+    return flights_by_title
 
 
 def _read_setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: str) -> Any:
@@ -71,9 +71,9 @@ def _read_setting(dataset: xr.Dataset, configuration: Mapping[str, Any], name: s
 def scan_of(
     attributes: Mapping[str, Any], flight: xr.Dataset, mesh: trimesh.Trimesh
 ) -> dict[str, Any]:
-    """Return noisy raw images of one flight of a store, and its corrections.
+    """Simulate the noisy raw images of a stored flight again.
 
-    See `correction_stages`.
+    Returns the keyword arguments of `correction_stages`: the scan, its corrections and the surface.
     """
     configuration = attributes["configuration"]
     reflectance = _read_setting(flight, configuration["ladar"], "reflectance")
@@ -93,7 +93,7 @@ def scan_of(
 
 
 def known_ship(attributes: Mapping[str, Any], label: str) -> trimesh.Trimesh:
-    """Return the known ship of a name. Raises ValueError if the store was made with another."""
+    """Return the mesh of a known ship; raise ValueError if the store was made with another mesh."""
     if label not in ncti.ships.names():
         raise ValueError(
             f"{label} was read from a file that the store does not name, but ships drawn must be "
@@ -144,9 +144,9 @@ def _partial_chains(chain: Chain) -> dict[str, Chain]:
     averaged = f"averaged, range corrected{combined}, segmented"
     parts = {averaged: replace(chain, azimuth="none", mirror="none")}
     if chain.azimuth != "none":
-        parts[f"shifted in azimuth{SHIFTS[chain.azimuth]}"] = replace(chain, mirror="none")
+        parts[f"shifted in azimuth{AZIMUTH_TEXTS[chain.azimuth]}"] = replace(chain, mirror="none")
     if chain.mirror != "none":
-        parts[TURNS[chain.mirror]] = chain
+        parts[MIRROR_TEXTS[chain.mirror]] = chain
     *_, last = parts
     return {title + ": all corrections" * (title == last): part for title, part in parts.items()}
 

@@ -60,7 +60,7 @@ class Column:
     words: str
     unit: str = ""
     meaning: str = ""
-    role: str = "axis"  # or along an axis; figure, low, high, beside, article, chance
+    role: str = "axis"  # axis, along, figure, low, high, beside, article or chance
     format: str = ".4g"
     listed: bool = True
     digits: int | None = None  # decimals in files; None: all
@@ -256,7 +256,7 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame:
     figures = [_complete_figure(figure, table) for figure in declared]
     figure_columns = _columns_of_figures(table, figures)
     data = table[list(dict.fromkeys(variable for variable, _ in figure_columns.values()))]
-    extra = [name for name in (*HIDDEN_COORDS, *DRAWS) if _is_extra(data, name)]
+    extra = [name for name in (*HIDDEN_COORDS, *DRAWS) if _is_extra_coordinate(data, name)]
     data = data.drop_vars(extra).load()
     expanded = data if data.dims else data.expand_dims("row_number")
     flat = expanded.to_dataframe().reset_index().drop(columns="row_number", errors="ignore")
@@ -272,11 +272,11 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame:
     for axis in axes:
         is_axis = axis in main_coordinates.values() or not data[axis].ndim
         column = replace(column_of_axis(data, axis), role="axis" if is_axis else "along")
-        columns[column.name], rows[column.name] = column, _to_plain_dtype(flat[axis])
+        columns[column.name], rows[column.name] = column, _to_nullable_dtype(flat[axis])
     for dim, main_name in main_coordinates.items():
         joint += _joint_sentence(data, dim, main_name)
     for name, (variable, column) in figure_columns.items():
-        values = _to_plain_dtype(flat[variable])
+        values = _to_nullable_dtype(flat[variable])
         columns[name] = column
         rows[name] = values if column.factor == 1 else column.factor * values
     main = figures[0].column
@@ -305,10 +305,10 @@ def tidy_frame(table: xr.Dataset, display: Display, group: str) -> Frame:
 
 
 def main_coordinate(data: xr.Dataset, dim: str) -> str:
-    """Return the coordinate that is the axis of a dimension, along which others may run.
+    """Return the coordinate to use as the axis of a dimension; others may run along it.
 
-    It is that of the dimension, unless this lists the values of others, as in 'mass=3,limit=9', or
-    is absent: then it is the first one of distinct values.
+    Use the coordinate named after the dimension, unless it is absent or lists the values of others,
+    as in 'mass=3,limit=9'. Otherwise use the first coordinate with distinct values.
     """
     if dim in data.coords and not any("=" in str(label) for label in data[dim].values):
         return dim
@@ -348,10 +348,10 @@ def _columns_of_figures(
     table: xr.Dataset, figures: Sequence[Figure]
 ) -> dict[str, tuple[str, Column]]:
     """Return variable and column, by name, of each figure, its interval and its other columns."""
-    bounded = sum(bool(figure.low) for figure in figures)
+    interval_count = sum(bool(figure.low) for figure in figures)
     columns: dict[str, tuple[str, Column]] = {}
     for main in figures:
-        prefix = "" if bounded == 1 else f"{main.column}_"
+        prefix = "" if interval_count == 1 else f"{main.column}_"
         variables = {main.column: ("figure", main.variable)}
         variables |= {f"{prefix}ci_low": ("low", main.low), f"{prefix}ci_high": ("high", main.high)}
         variables |= {name: ("beside", variable) for name, variable in main.extra_columns.items()}
@@ -385,7 +385,7 @@ def column_of_axis(data: xr.Dataset, name: str) -> Column:
     return Column(file_name(name, units), name, words_of(name), unit_of(units), meaning)
 
 
-def _is_extra(data: xr.Dataset, name: str) -> bool:
+def _is_extra_coordinate(data: xr.Dataset, name: str) -> bool:
     """Return whether a coordinate is neither an axis of its own nor a setting."""
     return name in data.coords and (name in HIDDEN_COORDS or name not in data.dims)
 
@@ -413,7 +413,7 @@ def _complete_figure(figure: Figure, table: xr.Dataset) -> Figure:
     )
 
 
-def _to_plain_dtype(values: pd.Series) -> pd.Series:
+def _to_nullable_dtype(values: pd.Series) -> pd.Series:
     """Return values as floats, or as integers and truth values that may be missing."""
     kind = values.dtype.kind
     types = {"f": "float64", "i": "Int64", "u": "Int64", "b": "boolean"}

@@ -50,7 +50,7 @@ def headline(frames: Mapping[str, Frame], attributes: Mapping[str, Any]) -> list
 def accuracy_sentences(store: Any) -> list[str]:
     """Return a sentence on the numerical error of a store's range profiles, if it has any."""
     errors = np.asarray(store[PROFILE_ERROR]) if PROFILE_ERROR in store else np.zeros(0)
-    errors = errors[errors > 0]  # nor NaN
+    errors = errors[errors > 0]  # also drops NaN
     if not errors.size:
         return []
     percent = 100 * float(np.quantile(errors, COVERAGE, method="higher"))
@@ -110,10 +110,10 @@ def _score_sentence(scores: Frame, candidates: Sequence[Candidate], ships: str) 
     count = len(candidates)
     start = f"Best of {count}: {name}" if count > 1 else name[0].upper() + name[1:]
     first, *last = _end_labels(best)
-    words, first_remark = _percent_text(frame, first)
+    words, first_remark = _format_figure(frame, first)
     ends = f"{words} of {ships}{_position_text(best, first)}{first_remark}"
     for label in last:
-        words, remark = _percent_text(frame, label)
+        words, remark = _format_figure(frame, label)
         place = _position_text(best, label, whole_words=False)
         ends += f"{',' * bool(first_remark)} and {words}{place}{remark}"
     setting = ", ".join(f"{words} {value}" for words, value in settings_of(scores, best).items())
@@ -155,7 +155,7 @@ def _figure_sentence(table: Frame, candidate: Candidate) -> str:
     if len(ends) == 2 and numeric:
         clause = f"{name} {_describe_course(candidate, column)}"
     else:
-        words, remark = _percent_text(frame, ends[0])
+        words, remark = _format_figure(frame, ends[0])
         clause = f"{name} is {words}{_position_text(candidate, ends[0])}{remark}"
     level = frame.column_of_role("chance", column.name)
     chance = f"; chance {row[level]:.0f} %" if level else ""
@@ -173,8 +173,8 @@ def _describe_course(candidate: Candidate, column: Column) -> str:
     first, last = (float(values.loc[label]) for label in ends)
     texts = dict(zip(ends, _distinct_numbers(first, last, column), strict=True))
     words = f"{axis.words} " * (not axis.unit)
-    texts_of_ends = _axis_texts([rows.at[label, candidate.axis] for label in ends], axis)
-    start, stop = (f"{words}{text}" for text in texts_of_ends)
+    end_positions = _axis_texts([rows.at[label, candidate.axis] for label in ends], axis)
+    start, stop = (f"{words}{text}" for text in end_positions)
     stop = f"{stop} {axis.unit}".rstrip()
     first_text, last_text = (
         replace(make_entry(frame, label, column.name), text=texts[label]).in_unit(column.unit)
@@ -237,14 +237,14 @@ def _end_labels(candidate: Candidate) -> list[Any]:
     return list(dict.fromkeys([labels[0], labels[-1]])) if candidate.axis else [labels[0]]
 
 
-def _percent_text(frame: Frame, label: Any) -> tuple[str, str]:
+def _format_figure(frame: Frame, label: Any) -> tuple[str, str]:
     """Return a figure with unit and interval, and a remark if it may be chance."""
     figure = frame.columns[frame.figures[0]]
     cell, row = make_entry(frame, label, figure.name), frame.rows.loc[label]
     low, chance = (frame.column_of_role(role, figure.name) for role in ("low", "chance"))
     has_bounds = low and chance and not is_missing(row[low]) and not is_missing(row[chance])
-    doubtful = has_bounds and row[low] <= row[chance]
-    return cell.in_unit(figure.unit), NOT_SIGNIFICANT if doubtful else ""
+    is_doubtful = has_bounds and row[low] <= row[chance]
+    return cell.in_unit(figure.unit), NOT_SIGNIFICANT if is_doubtful else ""
 
 
 def _position_text(candidate: Candidate, label: Any, *, whole_words: bool = True) -> str:

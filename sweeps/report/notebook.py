@@ -19,12 +19,12 @@ HEIGHT = 520  # pixels, of a chart with its selectors
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart that notebooks show: a document of its own, which loads nothing.
+    """A chart that notebooks display: a self-contained HTML document.
 
     Attributes
     ----------
     document : str
-        The document, HTML.
+        HTML of the chart.
     """
 
     document: str
@@ -58,12 +58,12 @@ def chart(ds: xr.Dataset, *, x: str, y: str = "", colour: str = "") -> Chart:
     Returns
     -------
     Chart
-        Shown by notebooks that run scripts of their outputs, such as those of JupyterLab.
+        Displayed by notebooks that run scripts in outputs, such as JupyterLab.
 
     Raises
     ------
     ValueError
-        If `y` is no variable of numbers, or `x` or `colour` no dimension of it.
+        If `y` is not a numeric variable, or `x` or `colour` is not one of its dimensions.
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """Files of a report beside a store: their paths, and the rule by which they are replaced.
 
-Only files that a report wrote are replaced or removed, if unchanged. The folder of tables has a
-list of them with their digests, as of `sha256sum`. A page contains the digest of the rest of it.
+A report replaces or removes only files that a report wrote and nobody has changed since. The folder
+of tables lists them with their digests, in the format of `sha256sum`. A page contains the digest of
+its remaining content.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ FOLDER_MODE, FILE_MODE = 0o755, 0o644  # modes: others may never write
 
 Entries = dict[str, tuple[str, ...]]  # digests by name
 
-_LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
-_PAGE = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE_META.encode())
+_LIST_LINE = re.compile(r"^([0-9a-f]{64})  ([^/\0\n\ufffd]+)\n", re.MULTILINE)
+_PAGE_DIGEST = re.compile(rb'(<meta name="%s" content=")([0-9a-f]{64})(">)' % PAGE_META.encode())
 
 
 def report_paths(path: PathOrUrl) -> tuple[Path, Path]:
@@ -56,7 +57,7 @@ def _sibling_path(path: PathOrUrl, suffix: str) -> Path:
 def write_own_files(
     folder: Path, contents: Mapping[str, bytes], *, instead_of: str = ""
 ) -> list[Path]:
-    """Write files into a folder, which is made if missing, unless others are in their places.
+    """Write files into a folder, created if missing, without overwriting other files.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def write_own_files(
     contents : mapping of str to bytes
         Contents by name.
     instead_of : str
-        End of the names of listed files that are removed, unless they are written or were changed.
+        Suffix of the listed files to remove, except those written now or changed since.
 
     Returns
     -------
@@ -97,7 +98,7 @@ def write_own_files(
             if not os.path.lexists(folder / name)
             or _has_digest(folder / name, entries.get(name, ()))
         ]
-        # Listed before and after with both digests: an interrupt leaves own files.
+        # List old and new digests before writing, so that an interrupt leaves only listed files.
         _write_list(
             folder,
             entries | {name: (*entries.get(name, ()), digests[name]) for name in free_names},
@@ -117,7 +118,7 @@ def _write_list(folder: Path, entries: Entries) -> None:
 
 
 def seal_page(page: str) -> bytes:
-    """Return the bytes of a page that contains `NO_DIGEST`, with its digest there instead."""
+    """Return the bytes of a page, with its digest in place of `NO_DIGEST`."""
     content = page.encode("utf-8", "replace")
     return content.replace(NO_DIGEST.encode(), _digest(content).encode(), 1)
 
@@ -129,11 +130,11 @@ def is_free(path: Path) -> bool:
     if path.is_symlink() or not path.is_file():
         return False
     content = path.read_bytes()
-    sealed_by = _PAGE.search(content[:HEAD_BYTES])
-    if not sealed_by:
+    digest_match = _PAGE_DIGEST.search(content[:HEAD_BYTES])
+    if not digest_match:
         return False
-    begin, end = sealed_by.span(2)
-    return _digest(content[:begin] + NO_DIGEST.encode() + content[end:]) == sealed_by[2].decode()
+    begin, end = digest_match.span(2)
+    return _digest(content[:begin] + NO_DIGEST.encode() + content[end:]) == digest_match[2].decode()
 
 
 def blocked_sentence(paths: Sequence[Path]) -> str:
@@ -166,9 +167,9 @@ def _read_list(path: Path) -> Entries | None:
         return None
     text = path.read_text(encoding="utf-8", errors="replace")
     entries: Entries = {}
-    for digest, name in _LINE.findall(text):
+    for digest, name in _LIST_LINE.findall(text):
         entries[name] = (*entries.get(name, ()), digest)
-    return entries if _LINE.sub("", text) == "" else None
+    return entries if _LIST_LINE.sub("", text) == "" else None
 
 
 def _has_digest(path: Path, digests: Iterable[str]) -> bool:

@@ -27,7 +27,7 @@ LEVEL = 0.05  # family-wise error rate
 
 @dataclass(frozen=True)
 class Pairs:
-    """Answers of two stores in common, (..., draw, ship, aspect): 1 right, 0 wrong, else none."""
+    """Answers that two stores share, (..., draw, ship, aspect): 1 right, 0 wrong, negative none."""
 
     first: xr.DataArray
     second: xr.DataArray
@@ -101,7 +101,7 @@ def holm(family: Sequence[Pairs]) -> tuple[list[NDArray[np.bool_]], int]:
     significant = [np.zeros_like(cells) for cells in compared]
     number = remaining = sum(int(cells.sum()) for cells in compared)
     before = -1
-    # Each significant difference leaves fewer to correct the others for.
+    # Holm: each significant difference leaves a smaller family to correct the others for.
     while before != remaining > 0:
         confidence, before = 1 - LEVEL / remaining, remaining
         significant = [

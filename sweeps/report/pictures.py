@@ -59,18 +59,18 @@ def draw_profiles(store: PathOrUrl) -> Figure:
     profiles = read_group(open_store(store), "range_profile")[["expected", "averaged"]]
     dims = ("ship", "aspect", "frame_count", "down_range")
     profiles = select_preferred(profiles, keep=dims)
-    quarter = profiles.sel(aspect=PROFILE_ASPECT, method="nearest").load()  # and no other views
-    ship, angle = profiles.ship.values[0], f"{float(quarter.aspect):g}°"
+    oblique = profiles.sel(aspect=PROFILE_ASPECT, method="nearest").load()  # loads only this aspect
+    ship, angle = profiles.ship.values[0], f"{float(oblique.aspect):g}°"
     ship_profiles = profiles.expected.sel(ship=ship)
     bow_to_beam = ship_profiles.sel(aspect=list(BOW_TO_BEAM), method="nearest")
     bow_to_beam = bow_to_beam.drop_duplicates("aspect").load()
-    averaged = quarter.averaged.sel(ship=ship)
+    averaged = oblique.averaged.sel(ship=ship)
     figure = Figure(figsize=(11.0, 4.6), dpi=150)
     # Fixed margins, since a layout engine takes as long as drawing.
     figure.subplots_adjust(left=0.01, right=0.99, bottom=0.11, top=0.86, wspace=0.04)
     panels = figure.subplots(1, 3)
     _draw_stack(panels[0], bow_to_beam, "aspect", "{:g}°", f"{ship}, bow (0°) to beam (90°)")
-    _draw_stack(panels[1], quarter.expected, "ship", "{}", f"ships at {angle}")
+    _draw_stack(panels[1], oblique.expected, "ship", "{}", f"ships at {angle}")
     _draw_stack(panels[2], averaged, "frame_count", "{} frames", f"{ship} at {angle}, averages")
     setting = f"{profiles.range.item():g} km, {profiles.pulse_width.item():g} ns pulses"
     figure.suptitle(f"Range profiles at {setting}")
@@ -78,7 +78,7 @@ def draw_profiles(store: PathOrUrl) -> Figure:
 
 
 def _draw_stack(axes: Axes, profiles: xr.DataArray, over: str, label: str, title: str) -> None:
-    """Draw profiles above one another, each above its noise floor and relative to its peak."""
+    """Draw stacked profiles, each scaled from its noise floor to its peak."""
     for index, value in enumerate(np.atleast_1d(profiles[over].values).tolist()):
         profile = profiles.sel({over: value}) if profiles[over].ndim else profiles
         floor = profile.quantile(0.2).item()
@@ -304,7 +304,7 @@ def _draw_png(draw: Callable[[PathOrUrl], Figure], path: PathOrUrl) -> str:
 def describe_ships(store: Any) -> list[dict[str, Any]]:
     """Return the ships that a store describes; none where it has no such group.
 
-    With label, measures by name as numbers with their units, picture and warning.
+    Each has its label, its measures by name (number and unit), its picture and its warning.
     """
     if SHIPS not in list_groups(store):
         return []

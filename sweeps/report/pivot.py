@@ -143,7 +143,7 @@ def _join_keys(line: Line, columns: Sequence[Column], start: int) -> Line:
 
 
 def notes_of(frame: Frame) -> tuple[str, ...]:
-    """Return the notes of a table, on chance and on wide intervals, too."""
+    """Return the notes of a table, including those on chance and wide intervals."""
     notes = [*frame.notes, *frame.joint, chance_in_words(frame)]
     if frame.columns_of_role("low") and frame.has_overall:
         notes.append(
@@ -187,7 +187,7 @@ def _is_constant(frame: Frame, name: str, down: Sequence[str]) -> bool:
 
 
 def constant_values(frame: Frame) -> dict[str, str]:
-    """Return the values of axes of one value, with their units, by the words of the axis."""
+    """Return the value, with unit, of each axis that has only one, by the words of the axis."""
     values_in_words = {}
     for name in frame.columns_of_role("axis"):
         values = frame.rows[name].dropna().unique()
@@ -217,7 +217,7 @@ def make_entry(frame: Frame, label: Any, figure: str) -> Entry:
     spread = "" if frame.columns_of_role("low", figure) else related_text("beside", "spread")
     return Entry(
         column.text(value),
-        f"{low}–{high}" if low and high and not _is_endless(value, low, high) else "",
+        f"{low}–{high}" if low and high and not _is_all_infinite(value, low, high) else "",
         related_text("article"),
         f"±{spread}" if spread.strip("0.") else "",
         label,
@@ -225,7 +225,7 @@ def make_entry(frame: Frame, label: Any, figure: str) -> Entry:
     )
 
 
-def _is_endless(value: Any, low: str, high: str) -> bool:
+def _is_all_infinite(value: Any, low: str, high: str) -> bool:
     """Return whether a figure and both ends of its interval, as printed, are infinite."""
     return isinstance(value, float) and math.isinf(value) and low == high
 
@@ -243,8 +243,8 @@ def select_main(
 ) -> Frame:
     """Return a frame at the main value of every axis except `keep` and the one across.
 
-    That is the value of `case`, by the names of columns, or the preferred one. Parts of a frame
-    that lack it keep their own.
+    The main value is the one in `case`, by column, or the preferred one. A part of the frame
+    without that value is taken at the main value of its rows.
     """
     for name in frame.varying_axes:
         if name in (*keep, frame.across):

@@ -87,9 +87,9 @@ def main_axis(frame: Frame, swept: Sequence[str]) -> str:
 def rank_candidates(frame: Frame, axis: str) -> list[Candidate]:
     """Return the candidates of a table that have results along an axis.
 
-    Percentages with a level of chance are ranked by their mean, at the values of the axis that all
-    have, such as those at which no cell failed, and equal ones by simplicity. Others stay in their
-    order, after the one that is shown first.
+    Rank percentages with a level of chance by their mean, at the values of the axis that all
+    candidates have (cells may have failed at others), and equal means by simplicity. Keep other
+    figures in their order, after the preferred candidate.
     """
     figure = frame.figures[0]
     frame = frame.where(frame.rows[figure].notna())
@@ -110,16 +110,16 @@ def rank_candidates(frame: Frame, axis: str) -> list[Candidate]:
         identity = identity or dict(zip(names, key, strict=True))
         candidates.append(_make_candidate(main.where(rows.index), identity, axis))
     if not frame.columns_of_role("chance", figure) or frame.rows[figure].dtype.kind not in "fiu":
-        leader = {
+        preferred_identity = {
             n: preferred_value(frame.columns[n].axis, values_of(main.rows, n)) for n in varying
         }
-        return sorted(candidates, key=lambda candidate: candidate.of != leader)
-    candidates = _keep_shared_values(candidates)
+        return sorted(candidates, key=lambda candidate: candidate.of != preferred_identity)
+    candidates = _add_shared_values(candidates)
     return sorted(candidates, key=lambda one: (-round(one.mean, 6), one.complexity))
 
 
-def _keep_shared_values(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Return candidates with the values of the axis that all have, of those that depend on it."""
+def _add_shared_values(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return candidates with `shared` and `count` set, from those that depend on the axis."""
     values = [{*candidate.frame.rows[candidate.axis]} for candidate in candidates if candidate.axis]
     if not values:
         return list(candidates)
@@ -145,8 +145,8 @@ def _name_columns(frame: Frame, axis: str) -> list[str]:
 
 def _make_candidate(frame: Frame, identity: Mapping[str, Any], axis: str) -> Candidate:
     """Return a candidate with one row for each value of the axis that its results depend on."""
-    applies = bool(axis) and bool(frame.rows[axis].notna().any())
-    if not applies:
+    depends_on_axis = bool(axis) and bool(frame.rows[axis].notna().any())
+    if not depends_on_axis:
         return Candidate(identity, frame.where(frame.rows.index[:1]), "")
     rows = frame.rows[frame.rows[axis].notna()].drop_duplicates(axis)
     if pd.api.types.is_numeric_dtype(rows[axis]):

@@ -60,17 +60,17 @@ def read_group(store: Any, group: str) -> xr.Dataset:
 
 
 def check_whole(path: PathOrUrl, groups: Iterable[str] | None = None) -> None:
-    """Refuse (`ConfigurationError`) a store with damaged, missing or foreign files.
+    """Raise ConfigurationError if a store has damaged, missing or foreign files.
 
-    In some groups only, if they are given.
+    With `groups`, check only these.
     """
     try:
-        bad = verify(path, groups)
+        faulty_files = verify(path, groups)
     except (OSError, ConfigurationError) as error:
         is_store = not isinstance(path, Path) or (path / METADATA).exists()
         raise refusal(path, error if is_store else "") from error
-    if bad:
-        raise refusal(path, f"damaged, missing or foreign files, such as {bad[0]}")
+    if faulty_files:
+        raise refusal(path, f"damaged, missing or foreign files, such as {faulty_files[0]}")
 
 
 def refusal(path: PathOrUrl, reason: str | Exception = "") -> ConfigurationError:

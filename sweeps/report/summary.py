@@ -52,10 +52,10 @@ def print_answer(path: PathOrUrl, frames: Mapping[str, Frame], console: Console)
 
 
 def finish(path: PathOrUrl, frames: Mapping[str, Frame], console: Console) -> list[Path]:
-    """Write the tables of a finished store beside it, and print where everything is.
+    """Write the tables of a finished store beside it, and print the paths of all outputs.
 
-    Returns the paths at which other files are in the way of tables. Raises OSError if tables cannot
-    be written; the places are printed anyway.
+    Returns the paths of tables that other files block. Raises OSError if tables cannot be written;
+    the paths of outputs are printed anyway.
     """
     with buffered_console(console) as buffer:
         print_line("", buffer)
@@ -76,10 +76,10 @@ def report(
 ) -> list[Path]:
     """Print the answer of a store, or one table whole, and write its tables beside it.
 
-    With `html`, write the report page, too. Returns the paths at which other files are in the way.
-    Raises ConfigurationError if files of the store that are read are not as they were written, if
-    it has no tables or lacks that one, or if the page cannot be written, and OSError if tables
-    cannot be written beside it; the answer or the table is printed anyway.
+    With `html`, also write the report page. Returns the paths that other files block. Raises
+    ConfigurationError if a file of the store that is read is damaged, if the store has no tables or
+    lacks `table`, or if the page cannot be written. Raises OSError if tables cannot be written
+    beside the store; the answer or the table is printed anyway.
     """
     check_whole(path, None if html else PRINTED_GROUPS)
     frames = tables_of(path)
@@ -105,9 +105,9 @@ def report_comparison(
 ) -> list[Path]:
     """Print what changed most from one store to others, or one table of differences whole.
 
-    Also write all differences, with `html` as a page, too. Of stores with the same results the
-    files of an earlier comparison are removed instead. Returns the paths at which other files are
-    in the way. Raises ConfigurationError and OSError as `report`, and ConfigurationError if the
+    Also write all differences as tables and, with `html`, as a page. If all stores have the same
+    results, remove the files of an earlier comparison instead. Returns the paths that other files
+    block. Raises ConfigurationError and OSError as `report` does, and ConfigurationError if the
     stores have nothing in common.
     """
     for path in (first, *others):

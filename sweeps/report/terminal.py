@@ -42,7 +42,7 @@ def print_table(table: TextTable, console: Console, *, max_rows: int | None = MA
     beside = _fitting_labels(labels, figures, console.width)
     section_count = len(labels) - len(beside)  # axes that head sections
     for number, share in enumerate(
-        _iter_shares(figures, console.width - _total_width(beside) - GAP)
+        _iter_column_groups(figures, console.width - _total_width(beside) - GAP)
     ):
         if number:
             print_note("(further columns of the same table)", console)
@@ -71,7 +71,7 @@ def count_fitting_columns(table: TextTable, width: int) -> int:
     """Return the number of a table's columns of figures that fit in a width beside its labels."""
     labels, figures = _make_columns(table, table.lines)
     beside = _fitting_labels(labels, figures, width)
-    return len(next(_iter_shares(figures, width - _total_width(beside) - GAP)))
+    return len(next(_iter_column_groups(figures, width - _total_width(beside) - GAP)))
 
 
 def _make_columns(table: TextTable, lines: Sequence[Line]) -> tuple[list[_Column], list[_Column]]:
@@ -109,9 +109,9 @@ def _make_column(head: str, texts: Sequence[str], widest: int) -> _Column:
 def _fitting_labels(
     labels: Sequence[_Column], figures: Sequence[_Column], width: int
 ) -> Sequence[_Column]:
-    """Return the last labels, which fit beside the figures in a width.
+    """Return the last columns of labels that fit beside the figures in a width.
 
-    As many as leave space for all figures, or at least for the widest; the last one may fold.
+    Keep as many as leave space for all figures, or at least for the widest; the last may fold.
     """
     widest = max((figure.width for figure in figures), default=0)
     last = min(_total_width(labels[-1:]), FOLDED_WIDTH)
@@ -157,7 +157,7 @@ def _blank_repeated_keys(keys: Sequence[str], previous: Sequence[str]) -> list[s
     return ["" if k < repeated else key for k, key in enumerate(keys)]
 
 
-def _iter_shares(figures: Sequence[_Column], width: int) -> Iterator[list[int]]:
+def _iter_column_groups(figures: Sequence[_Column], width: int) -> Iterator[list[int]]:
     """Yield the indices of the figures of each printed table."""
     share: list[int] = []
     for k in range(len(figures)):

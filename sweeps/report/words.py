@@ -16,7 +16,7 @@ FILE_UNITS = {"degree": "deg", "m s-1": "m_s", "1": "", "pixel": "", "%": "perce
 PRINTED_UNITS = {"degree": "°", "urad": "µrad", "1": ""}
 UNITS = {"aspect_bin": "degree"}  # of pooled aspects, whose values are words
 
-# Words of classifiers and sensors, which the configuration names shortly.
+# Printed names of classifiers and sensors, which have short names in the configuration.
 WORDS = {
     **{"acn": "ACN", "mnn": "MNN", "likelihood": "maximum likelihood", "fusion": "fusion"},
     **{"pca_qda": "PCA with QDA", "mlp": "MLP", "cnn": "CNN"},
@@ -80,7 +80,7 @@ def is_missing(value: Any) -> bool:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is a number, which truth values are not."""
+    """Return whether a value is a number, not a boolean."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

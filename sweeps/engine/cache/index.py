@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from obstore import ObjectMeta
 
 READERS = 16  # packs whose heads are read at once
-RECENT_PACKS = 10  # packs of a stage, whose costs count
+RECENT_PACKS = 10  # latest packs of a stage over which its costs are averaged
 LOOKUP_KEYS = 2**20  # keys that are looked up together
 MARKER = ".mark"  # suffix of the object that workers look for in a shared cache
 
@@ -77,13 +77,14 @@ class CellIndex:
         # Each half is searched on its own.
         halves = [np.ascontiguousarray(all_keys[:, half])[order] for half in range(2)]
         del all_keys
-        of_pack, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
-        self._locations = Locations(self.paths, of_pack, row, np.array(halves).T)
+        pack_numbers, row = np.concatenate(packs)[order], np.concatenate(rows)[order]
+        self._locations = Locations(self.paths, pack_numbers, row, np.array(halves).T)
 
     def find(self, keys: Keys) -> Locations:
         """Return the locations of keys, (cell, 2), in the newest pack that has them.
 
-        A later cell whose key has the same first half hides another: by chance once in 10^19 pairs.
+        The search uses the first half of each key, so a later cell with the same first half hides
+        an earlier one: by chance, one pair in 10^19.
         """
         pack, row = np.full((2, len(keys)), NO_PACK, dtype=np.int32)
         index = self._locations

@@ -43,8 +43,8 @@ CACHED_HEADS = 16  # heads of packs that a process caches
 CELLS_AT_ONCE = 4096  # cells that are read together
 
 # Errors of this process, machine or network: they do not mean that a file is damaged.
-LACKING = errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE
-RESOURCE_ERRORS = frozenset(LACKING)
+RESOURCE_ERRNOS = errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE
+RESOURCE_ERRORS = frozenset(RESOURCE_ERRNOS)
 
 Buffer = Any
 """Bytes-like object."""
@@ -97,7 +97,7 @@ NO_LOCATIONS = Locations((), _NONE, _NONE, np.empty((0, 2), np.uint64))
 
 
 def seal(document: Any) -> bytes:
-    """Return a line of bytes of a JSON document, which begins with its checksum."""
+    """Serialise a JSON document as one line of bytes that begins with its checksum."""
     text = json.dumps(document, separators=(",", ":")).encode()
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
@@ -127,7 +127,7 @@ class Pack:
 
 
 class Head(NamedTuple):
-    """Head of a pack, checked: each cell's key, number of its layout, and begin and end.
+    """Verified head of a pack: key, layout number, and first and end byte of each cell's record.
 
     A layout has the name, dtype, shape and offset of every array of a record.
     """
@@ -147,13 +147,13 @@ class Head(NamedTuple):
             raise ValueError("it was changed")
         begin = content.index(b"\n") + 1
         stage, seconds, layout_specs = json.loads(content[:begin])
-        size_of_cell = KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
-        cells = (len(content) - begin) // size_of_cell
+        cell_bytes = KEY_DTYPE.itemsize + LAYOUT_DTYPE.itemsize + DIGEST_BYTES
+        cells = (len(content) - begin) // cell_bytes
         layouts, sizes = [], []
         for arrays in layout_specs:
             layout, size = [], 0
             for name, code, shape in arrays:
-                dtype = _plain_dtype(code)
+                dtype = _validate_dtype(code)
                 layout.append((name, dtype, tuple(shape), size))
                 length = math.prod(shape) * dtype.itemsize
                 size += length + -length % ALIGNMENT
@@ -219,7 +219,7 @@ class PackWriter:
         # A name begins with the time, since a bucket dates packs by whole seconds.
         path = f"{folder}/{time_ns():016x}{digest(head)}{len(head):08x}.pack".lstrip("/")
         size, parts = sum(map(len, self.parts)), self.parts
-        step = READ_BYTES * len(parts) // (size + 1) + 1  # neither many writes nor all at once
+        step = READ_BYTES * len(parts) // (size + 1) + 1  # parts per block of about READ_BYTES
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
         cells.put(path, chain((head,), blocks))
         return Pack(path, len(head) + size, len(keys), stage, seconds)
@@ -235,13 +235,13 @@ def _parse_path(path: str) -> tuple[str, int]:
 
 @cache
 def _dtype_code(dtype: np.dtype[Any]) -> str:
-    """Return the code of a dtype, as `_plain_dtype` reads it."""
-    return _plain_dtype(dtype).str
+    """Return the code of a dtype, as `_validate_dtype` reads it."""
+    return _validate_dtype(dtype).str
 
 
 @lru_cache(maxsize=256)
-def _plain_dtype(code: str | np.dtype[Any]) -> np.dtype[Any]:
-    """Return a dtype; TypeError unless the bytes of an array are its values: no pointers."""
+def _validate_dtype(code: str | np.dtype[Any]) -> np.dtype[Any]:
+    """Return a dtype; raise TypeError if its arrays hold pointers or fields, not plain values."""
     dtype = np.dtype(code)
     if dtype.hasobject or dtype.names or dtype.subdtype:
         raise TypeError(f"arrays of dtype {dtype} cannot be cached")
@@ -272,13 +272,13 @@ def _read_head(cells: Objects, path: str) -> Head:
 def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
     """Return the outputs of cells, (cell,), in one pass over each pack.
 
-    None for a cell that is absent, has another key, or differs from its digest; no content of a
-    pack makes it raise. Arrays are writable and share no element.
+    A cell is None if it is absent, has another key, or does not match its digest. Damaged packs
+    never raise. Arrays are writable and share no memory.
 
     Raises
     ------
     OSError
-        If this process or machine lacks something, such as file descriptors or a network.
+        If a resource is exhausted or unreachable, such as file descriptors or the network.
     """
     outputs: list[Arrays | None] = [None] * len(locations)
     order = np.lexsort((locations.row, locations.pack))
@@ -300,7 +300,7 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
 
 
 def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
-    """Return the distinct layouts of some cells, (cell,), of undamaged packs, in their order."""
+    """Return the distinct layouts of cells, (cell,), by first appearance; skip damaged packs."""
     first_indices: dict[Any, int] = {}
     for pack in np.unique(locations.pack).tolist():
         indices = np.flatnonzero(locations.pack == pack)

@@ -95,14 +95,14 @@ class Command:
         logging.basicConfig(format=f"{self.name}: %(message)s")
         if isinstance(sys.stdout, TextIOWrapper):  # whose encoding may lack characters
             sys.stdout.reconfigure(errors="backslashreplace")
-        message, status = self._run_reporting(words)
+        message, status = self._run_catching_errors(words)
         if message:
             say(self.name, message)
         if reason := flush_output():
             say(self.name, f"the output cannot be written: {reason}")
         return status or (SOME_FAILED if reason else ALL_DONE)
 
-    def _run_reporting(self, words: Sequence[str]) -> tuple[str, int]:
+    def _run_catching_errors(self, words: Sequence[str]) -> tuple[str, int]:
         """Run a command line; return its error as a sentence, if any, and the exit status."""
         try:
             with defer_signals():
@@ -238,7 +238,7 @@ class Command:
     def _store_and_cache(
         self, arguments: Sequence[str], *options: str
     ) -> tuple[PathOrUrl, PathOrUrl]:
-        """Return the store and the cache of a command line beside some options."""
+        """Return the store and the cache that a command line sets, ignoring some options."""
         words = [word for word in arguments if word not in options]
         if invalid := [word for word in words if "=" not in word]:
             allowed = " and ".join(["settings, such as cache=PLACE", *options[1:]])
@@ -263,7 +263,7 @@ class Command:
     # running --------------------------------------------------------------------------------
 
     def _run_all(self, sweeps: Sequence[PlannedSweep], keys: Collection[str]) -> None:
-        """Run the sweeps of a command line, which sets `keys`; a failed one stops no other.
+        """Run all sweeps of a command line that sets `keys`, even if one of them fails.
 
         Raises
         ------
@@ -331,7 +331,7 @@ class Command:
             show(f"next    {entry.name} {quote_for_shell(path)}")
 
     def _print_cache(self, path: PathOrUrl, limit: float | None) -> None:
-        """Print the contents of a cache; first delete the oldest beyond a limit [byte], if given.
+        """Print the size of a cache, after deleting its oldest results beyond any limit [byte].
 
         Raises ConfigurationError if a sweep uses it.
         """

@@ -27,7 +27,7 @@ MIN_INTEGER, MAX_INTEGER = -(2**63), 2**63 - 1  # whole numbers that a store hol
 
 @dataclass(frozen=True, eq=False)
 class Argument(Setting):
-    """A setting that is an argument of a function, whose values are its default."""
+    """A function argument as a setting, whose default holds the values to sweep."""
 
     # Attributes besides unit and label.
     extra_attributes: Mapping[str, Any] = field(default_factory=dict)
@@ -120,13 +120,13 @@ def _as_list(name: str, values: Any) -> list[Any]:
         )
     if (ndim := getattr(values, "ndim", 1)) != 1:
         raise ConfigurationError(f"{subject} is an array of {ndim} dimensions, but must have one")
-    listed = [_as_python(value) for value in values]
+    listed = [_to_python(value) for value in values]
     if all(isinstance(value, np.datetime64) for value in listed):
         listed = list(np.array(listed))  # in one unit
     return listed
 
 
-def _as_python(value: Any) -> Any:
+def _to_python(value: Any) -> Any:
     """Return a value as a Python value; times of numpy stay as they are."""
     if hasattr(value, "to_datetime64"):  # of pandas
         return value.to_datetime64()

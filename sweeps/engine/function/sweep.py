@@ -70,7 +70,7 @@ def sweep(
     function : callable
         Its arguments are the names in `values`, others with a default, and `rng`, a generator of
         random numbers, independent for each combination. Lambdas, methods, `functools.partial`,
-        decorated functions and functions of a notebook work, too.
+        decorated functions and functions of a notebook also work.
     values : mapping of str to iterable, or Dataset
         Values of each argument: numbers, whole numbers, texts, truth values or times (`datetime`,
         or numpy's). Variables of a data set that share a dimension run together, different
@@ -79,20 +79,20 @@ def sweep(
         Folder of the store, in zarr's format, or URL of a bucket such as 's3://bucket/x.zarr'.
     outputs : tuple of str
         Names of the elements of a tuple that the function returns.
-    dims : tuple of str, or mapping of str to them
+    dims : tuple of str, or mapping of str to tuple of str
         Names of the dimensions of arrays that the function returns, or of each array by its name.
         Arrays of different length are padded with NaN.
     attrs : mapping of str to mapping
         Attributes, such as units, of results and arguments by name.
     dtype : str
-        Of the results; by default f8 or, of complex numbers, times and texts, their own.
+        Dtype of the results; by default f8, or the dtype of complex numbers, times and texts.
     seed : int
-        Of all random numbers.
+        Seed of all random numbers.
     cluster : str
-        `inline`, this process, or `local`, a process on every core; a script that uses these
-        begins its work under ``if __name__ == "__main__":``.
+        `inline` for this process, or `local` for a process on every core; a script that uses
+        `local` begins its work under ``if __name__ == "__main__":``.
     cache : path, optional
-        Place of finished results; the user's cache folder when not given. A growing store takes
+        Folder or URL of finished results; by default the user's cache folder. A growing store takes
         earlier results from it.
     version : str
         Replaces the function's code in the keys of results: change it when results change.
@@ -155,13 +155,13 @@ def sweep(
         return xr.Dataset(attrs={"left": missing, "reused": cells - missing, "estimate": estimate})
     failures: list[Failure] = []  # the first of them, since each has a traceback
 
-    def note_failure(failure: Failure) -> None:
+    def record_failure(failure: Failure) -> None:
         if len(failures) < NAMED_FAILURES:
             failures.append(failure)
 
     try:
         with progress_bar() as step:
-            callbacks = Callbacks(lambda sentence: None, step, note_failure)
+            callbacks = Callbacks(lambda sentence: None, step, record_failure)
             finished = run(Plan(experiment, choices), options, callbacks)
     except ConfigurationError as error:
         raise ConfigurationError(str(error)) from None  # without the traceback of the engine
@@ -234,9 +234,9 @@ def _argument_settings(
     except ValueError:
         problem = f"function is {name}, whose arguments Python cannot inspect"
         raise ConfigurationError(f"{problem}; wrap it in a function") from None
-    by_kind = {parameter.name: parameter.kind for parameter in parameters}
+    kind_by_name = {parameter.name: parameter.kind for parameter in parameters}
     required = {parameter.name for parameter in parameters if parameter.default is parameter.empty}
-    for argument, kind in by_kind.items():
+    for argument, kind in kind_by_name.items():
         if kind is inspect.Parameter.POSITIONAL_ONLY and (
             argument in values or argument in required
         ):
@@ -245,9 +245,9 @@ def _argument_settings(
                 f"{name} takes {argument!r} by position only, but must take it by name, as in "
                 f"{remedy}"
             )
-    takes_any = inspect.Parameter.VAR_KEYWORD in by_kind.values()
+    takes_any = inspect.Parameter.VAR_KEYWORD in kind_by_name.values()
     several = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
-    named = [argument for argument, kind in by_kind.items() if kind not in several]
+    named = [argument for argument, kind in kind_by_name.items() if kind not in several]
     labels = getattr(values, "coords", ())
     for argument in values:
         if argument not in named and argument not in labels and not takes_any:

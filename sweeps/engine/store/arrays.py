@@ -21,7 +21,7 @@ from sweeps.engine.resolve.keys import digest
 
 METADATA = "zarr.json"
 SCALARS = "scalar_coordinates"  # attribute of a group
-BOTH = "is_attribute"  # marks a scalar coordinate that the group has as an attribute, too
+BOTH = "is_attribute"  # marks a scalar coordinate that is also an attribute of the group
 
 # Prefixes of the names of chunks, one for each of zarr's two encodings. A changed array gets the
 # other prefix, so that the old metadata never refer to new chunks.
@@ -88,7 +88,7 @@ class Array:
 
     @property
     def stored_dtype(self) -> np.dtype[Any]:
-        """Stored dtype: little-endian, and no unsigned one that fits into a signed one.
+        """Stored dtype: little-endian; unsigned integers widen to signed ones where they fit.
 
         Raises TypeError if there is none.
         """
@@ -135,12 +135,12 @@ class Array:
         return digest(repr(layout).encode() + content)
 
     def with_fill(self) -> Array:
-        """Return a small array of equal values with that fill value, so that it needs no chunk."""
+        """Use the value of a small constant array as its fill value, so that it needs no chunk."""
         if self.chunks != self.shape or not 0 < math.prod(self.shape) <= MAX_CONSTANT:
             return self
         values = self.load()
         first = values.flat[0]
-        # The metadata of zarr have only one of the many NaNs. A scalar has no chunk in any case.
+        # zarr's metadata can state only one NaN bit pattern. A scalar never has a chunk.
         equal = first == first and values.tobytes() == first.tobytes() * values.size
         if self.dims and not equal:
             return self
@@ -179,9 +179,10 @@ class ArrayGroup:
     def fold_scalars(self, reserved: Collection[str] = ()) -> ArrayGroup:
         """Return the group with scalar coordinates as attributes, as it is stored.
 
-        The attribute `SCALARS` has the attributes of each one, for `tables.restore_scalars`. A
-        coordinate stays an array if its name is `reserved`, or an attribute of another value.
-        Coordinates that are attributes already come first.
+        The attribute `SCALARS` holds the attributes of each coordinate, for
+        `tables.restore_scalars`. A coordinate stays an array if its name is `reserved`, or if the
+        group has an attribute of that name with another value. Coordinates that are already
+        attributes come first.
         """
         reserved = {*reserved, "coordinates", SCALARS}
         names = sorted(self.arrays.keys() - reserved, key=[*self.attrs, *self.arrays].index)
@@ -217,8 +218,9 @@ class ArrayGroup:
 def suggest_chunks(shape: tuple[int, ...], itemsize: int, *, whole: int = 0) -> tuple[int, ...]:
     """Return a shape of chunks of at most `CHUNK_BYTES`, or as large as the last `whole` axes.
 
-    These are never cut. One axis before them is cut into parts that do not depend on its
-    length, so that further values leave other chunks unchanged. Axes before it are cut into 1.
+    These axes are never split. One axis before them is split into parts whose length does not
+    depend on the axis length, so that appended values leave other chunks unchanged. Along earlier
+    axes, chunks have length 1.
     """
     chunks: list[int] = []
     budget = max(CHUNK_BYTES // itemsize, 1)  # factor by which a chunk may still grow
@@ -288,7 +290,7 @@ def encode(array: Array, region: Region) -> bytes | None:
     values = np.asarray(array.read(region))
     chunk = np.full(array.chunks, array.fill_scalar, array.stored_dtype)
     empty = chunk.tobytes()
-    chunk[tuple(map(slice, values.shape))] = values  # at the end of an axis a chunk is larger
+    chunk[tuple(map(slice, values.shape))] = values  # the last chunk extends past the axis
     content = chunk.tobytes()  # compared bit by bit: NaN is NaN, and -0.0 is not 0.0
     return None if content == empty else bytes(CODEC.encode(content))
 
@@ -299,7 +301,7 @@ def _is_same(first: Any, second: Any) -> bool:
 
 
 def _is_json(value: Any) -> bool:
-    """Return whether an attribute can hold a value: no infinity, 64 bits; NaN is left out."""
+    """Return whether an attribute can hold a value: NaN, but no infinity; integers of 64 bits."""
     return not (isinstance(value, float) and math.isinf(value)) and (
         not isinstance(value, int) or -(2**63) <= value < 2**63
     )

@@ -50,7 +50,7 @@ class StoredVariable:
     group: str
     name: str  # in its group
     axes: tuple[int, ...]  # numbers of the axes that are dimensions, in their order
-    order: tuple[int, ...]  # source of each dimension: these axes first, then its inner dimensions
+    order: tuple[int, ...]  # index of each dimension among `axes`, then inner dimensions
 
     @property
     def origin(self) -> dict[str, Output]:
@@ -87,7 +87,7 @@ class RegionReader:
         cells = iter_results(self.packs, self.locations)
         for number, arrays in zip(self.present.tolist(), cells, strict=True):
             array = arrays.get(output.name)
-            if array is None:  # of a function that declares nothing
+            if array is None:  # an undeclared output that this cell lacks
                 continue
             if array.shape == lengths:
                 flat[number] = array
@@ -98,8 +98,8 @@ class RegionReader:
                 flat[number] = output.pad
             corner = map(int.__sub__, _start_indices(output, arrays), self.inner_starts)
             ends = zip(corner, array.shape, strict=True)
-            corner_region: Any = [slice(begin, begin + size) for begin, size in ends]
-            flat[(number, *corner_region)] = array
+            cell_region: Any = [slice(begin, begin + size) for begin, size in ends]
+            flat[(number, *cell_region)] = array
         inner_index: Any = (..., *self.inner_region)
         return flat.reshape((*self.shape, *lengths))[inner_index].transpose(self.order)
 
@@ -178,9 +178,9 @@ class Cube:
         return dict(sorted(groups.items()))
 
     def _outputs(self, bound: BoundStage) -> tuple[Sequence[Output], dict[str, Array]]:
-        """Return the outputs of a stage, and its coordinates that are equal in all results.
+        """Return the outputs of a stage, and the coordinates that all its results share.
 
-        Outputs that are not declared are inferred; only these have such coordinates.
+        Infer the outputs that are not declared; only these have such coordinates.
         """
         output = bound.stage.outputs[0] if bound.stage.outputs else None
         if not isinstance(output, UndeclaredOutput):
@@ -218,7 +218,7 @@ class Cube:
         return ArrayGroup(arrays | self._coordinates(variables, names))
 
     def _names(self, variables: Sequence[StoredVariable]) -> dict[int, str]:
-        """Return the names of all axes of a group: the whole key if its last word is in use."""
+        """Return the names of all axes of a group: the full key if its last word is taken."""
         axes, number_of = self.plan.axes, self.plan.axis_number
         names = {
             number_of(key): axes[number_of(key)].name
@@ -260,10 +260,10 @@ class Cube:
             tuple(values[k] for k in variable.order) for values in (dims, shape, chunks)
         )
         ordered_dims, sizes, chunk_shape = ordered
-        reader_of, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
+        make_reader, coordinate = partial(self._make_reader, variable), output.role == COORDINATE
 
         def read(region: Region) -> NDArray[Any]:
-            return reader_of(region)(region)
+            return make_reader(region)(region)
 
         if words:  # texts are few, and stored no wider than the longest
             texts = read(tuple(slice(0, size) for size in sizes))
@@ -271,7 +271,7 @@ class Cube:
         return Array(
             *(ordered_dims, sizes, dtype, attrs, read, chunk_shape, empty, coordinate),
             source_bytes=partial(self._source_bytes, variable),
-            remote_read=reader_of,
+            remote_read=make_reader,
         )
 
     def _results(self, variable: StoredVariable, ranges: Sequence[range]) -> Cells:
@@ -381,7 +381,7 @@ class Cube:
         return coordinates
 
     def _states(self, variables: Sequence[StoredVariable]) -> dict[str, Array]:
-        """Return the states of stages, except the `variables` of states that stages return."""
+        """Return the states of stages; `variables` are the states that stages return themselves."""
         members: dict[tuple[str, str, tuple[int, ...]], list[BoundStage]] = defaultdict(list)
         for bound in self.plan.targets:
             status = bound.stage.group.status
@@ -472,16 +472,16 @@ def setting_coordinates(
     setting: Setting, name: str, values: Sequence[Any], *, scalar: bool = False
 ) -> dict[str, Array]:
     """Return coordinates of a setting's values as its kind defines them, the main one first."""
-    offered = setting.kind.coordinates(tuple(values))
-    if offered is None:
-        offered = {name: (value_array(values), setting.attrs)}
+    kind_coordinates = setting.kind.coordinates(tuple(values))
+    if kind_coordinates is None:
+        kind_coordinates = {name: (value_array(values), setting.attrs)}
     else:
-        (_, main), *extra = offered.items()
-        offered = {**({} if scalar else {name: main}), **dict(extra)}
+        (_, main), *extra = kind_coordinates.items()
+        kind_coordinates = {**({} if scalar else {name: main}), **dict(extra)}
     dims: tuple[str, ...] = () if scalar else (name,)
     return {
         label: Array.from_values(dims, array[0] if scalar else array, attrs, coordinate=True)
-        for label, (array, attrs) in offered.items()
+        for label, (array, attrs) in kind_coordinates.items()
     }
 
 

@@ -2,8 +2,8 @@
 
 The lock of a folder is a file beside it that the operating system locks, and frees when its owner
 ends in any way. The lock in a bucket is an object that its owner renews; a process that sees no
-renewal during the lease takes it over. For that, clocks of machines are never compared: a waiting
-process measures the time itself.
+renewal during the lease takes it over. A takeover never compares clocks of different machines: the
+waiting process measures the lease with its own clock.
 """
 
 from __future__ import annotations
@@ -39,9 +39,10 @@ OWNER = re.compile(r"process \d+ on [\w.-]+ since [\d:T+-]+")
 def store_lock(path: PathOrUrl) -> Iterator[Callable[[], None]]:
     """Hold the lock of a store, which need not exist; yield a check that it is still held.
 
-    It is advisory. The check raises OSError if another process has taken over the lock of a bucket,
-    since this one was stopped for longer than the lease; call it before changes that readers see.
-    ConfigurationError if another process or thread holds the lock, or locking fails.
+    The lock is advisory. The check raises OSError if another process has taken over the lock of a
+    bucket because this one was suspended for longer than the lease; call it before changes that
+    readers see. Raises ConfigurationError if another process or thread holds the lock, or if
+    locking fails.
     """
     parent, name = _lock_path(path)
     try:
@@ -123,7 +124,7 @@ def _lock_file(folder: Path, name: str) -> Lock:
             if time.monotonic() > deadline:
                 raise _LockHeldError(file.read())
         time.sleep(LOCK_SECONDS / 10)
-    file.truncate(0)  # of a killed owner
+    file.truncate(0)  # drop the text of a killed owner
     file.write(_owner_text().encode())
 
     def release() -> None:
@@ -189,7 +190,7 @@ def cache_lock(folder: PathOrUrl, *, exclusive: bool = False) -> AbstractContext
 def folder_lock(folder: Path, operation: int = fcntl.LOCK_EX) -> Iterator[None]:
     """Hold a lock of a folder, which the operating system frees when the process ends.
 
-    Where the file system has no locks, nothing is locked. `fcntl.LOCK_NB` raises OSError instead.
+    On a file system without locks, hold nothing; with `fcntl.LOCK_NB`, raise OSError instead.
     """
     descriptor = os.open(folder, os.O_RDONLY)
     try:

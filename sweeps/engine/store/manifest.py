@@ -1,9 +1,10 @@
 """The manifest of a store: the size of each object, and a digest of the sources of each chunk.
 
 A changed chunk fails its checksum when it is read, but a missing one reads as fill values; a
-listing of the store reveals it without reading. A store changes in three steps, and the manifest is
-written at the start of each: with the names of the chunks to come, to which no metadata refer; then
-with all new metadata, which are put in place, the root's last; then for the finished store.
+listing of the store reveals it without reading. A store changes in three steps, and the writer puts
+a new manifest at the start of each: first with the names of the pending chunks, which no metadata
+reference yet; then with all new metadata, which it then puts in place, the root's last; and finally
+for the finished store.
 """
 
 from __future__ import annotations
@@ -98,9 +99,9 @@ def _unreadable_error(path: PathOrUrl) -> ConfigurationError:
 def verify(path: PathOrUrl, groups: Iterable[str] | None = None) -> list[str]:
     """Return the sorted names of objects that are missing, of another size, or unexpected.
 
-    Nothing is read. An object that is not in the manifest counts as damage, because zarr would read
-    it as a chunk. If `groups` are given, only their objects and all metadata are verified. Raises
-    OSError where the path fails, and ConfigurationError without a manifest.
+    Read only the manifest and a listing. An object that is not in the manifest counts as damage,
+    because zarr would read it as a chunk. With `groups`, verify only their objects and all
+    metadata. Raises OSError if the path cannot be read, and ConfigurationError without a manifest.
     """
     manifest, sizes = require_manifest(path), Objects(path).sizes()
     prefixes, known_names = tuple(f"{group}/" for group in groups or ()), manifest.object_names

@@ -152,7 +152,7 @@ def _installed_version(name: str) -> list[str]:
 
 
 def check_extends(experiment: Experiment, path: str, old: Mapping[str, Any], plan: Plan) -> None:
-    """Refuse a store, by its attributes, of another configuration or other code.
+    """Refuse a store whose attributes show another configuration or different code.
 
     A sweep may extend a store if it includes all of the store's values. The
     ConfigurationError names the keys that differ, and the remedy.

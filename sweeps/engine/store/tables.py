@@ -54,7 +54,7 @@ def add_tables(plan: Plan, groups: dict[str, ArrayGroup]) -> list[Failure]:
                 dataset = _make_table(table, groups, plan.choices)
                 if dataset is not None:
                     groups[table.group] = from_dataset(dataset)
-        except (DamagedResultsError, DeclarationError):  # of cells, not of the table
+        except (DamagedResultsError, DeclarationError):  # the cells are at fault, not the table
             raise
         except RAISED as error:
             raise_resource_error(error)
@@ -91,7 +91,7 @@ def _returns_value(function: Callable[..., Any]) -> bool:
 
 
 def format_tables(path: PathOrUrl, groups: Iterable[str]) -> Iterator[str]:
-    """Yield tables of a store as texts, long ones without their middle."""
+    """Yield the tables of a store as text, eliding the middle of long ones."""
     for name in groups:
         with suppress(KeyError, FileNotFoundError):  # a table that is empty or failed
             table = xr.open_zarr(zarr_store(path), group=name, consolidated=False)

@@ -30,7 +30,7 @@ LONGEST_NAME = ".{}." + 32 * "0" + ".partial"  # as long as any name beside a st
 def check_store_path(path: PathOrUrl) -> None:
     """Refuse a path that is neither new nor a store with a readable manifest and no other files.
 
-    A store inside another one is refused, too.
+    Also refuse a store inside another store.
     """
     resolved = _resolve_checked("store", path, inside=True)
     try:
@@ -60,8 +60,8 @@ def check_targets(
 ) -> None:
     """Refuse stores and a cache that are unusable, nested, or in the way of a report.
 
-    `report_paths` returns the paths that the report of a store writes to; one may be an existing
-    store.
+    `report_paths` returns the paths that the report of a store writes to. They must not be stores,
+    and no two reports may share a path.
     """
     for path in stores:
         check_store_path(path)

@@ -1,10 +1,10 @@
 """Stores: the results of a sweep as one zarr DataTree, which appears whole or not at all.
 
-Equal input, given in the same order, makes equal bytes of a new store: it holds no times, hosts or
-paths. The metadata of a group include the metadata of everything below it ("consolidated"), so that
-a store opens with one object, at the root or at any group. A store grows in place: a chunk that
-metadata refer to is written again only if it is damaged. A changed array gets other names for its
-chunks, and when all metadata refer to these, the old chunks are deleted.
+The same input in the same order makes a byte-identical new store, without times, hosts or paths.
+Metadata are consolidated: the metadata of a group include the metadata of everything below it, so
+that reading one object opens a store, at the root or at any group. A store grows in place: a chunk
+that metadata reference is rewritten only if it is damaged. The chunks of a changed array get new
+names, and when all metadata reference these, the writer deletes the old chunks.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ LOG = logging.getLogger(__name__)
 PARTIAL = "partial"
 """Attribute of a store and its groups that says how many cells are missing."""
 
-MAX_SENT = 64  # most chunks in a task of another process
+MAX_TASK_CHUNKS = 64  # most chunks in a task of another process
 
 Nodes = dict[str, dict[str, Any]]  # metadata by path in the store
 
@@ -66,12 +66,12 @@ def write_store(
 
     The caller holds the lock of the store (`store_lock`), and has called `recover`. `check`, of the
     lock, is called before readers see a change; if anything fails before that, the store is
-    unchanged. Readers must open the store again. The operating system flushes files: `verify` finds
-    files that a power cut has lost. Memory holds a few chunks.
+    unchanged. Readers must open the store again. Flushing is left to the operating system: `verify`
+    finds files that a power cut has lost. Memory holds only a few chunks at once.
 
     `groups` are by path, such as 'classification/acn', without parents. `attributes` belong to the
-    root; all groups repeat the ones named in `shared`. `writers` write chunks that other processes
-    can make.
+    root; all groups repeat the ones named in `shared`. `writers` is an executor for the chunks that
+    other processes can compute and write.
     """
     groups = {name: group.fold_scalars(shared) for name, group in groups.items()}
     with world_readable():
@@ -86,7 +86,7 @@ def write_store(
         layouts = {path: _lay_out(path, array, old, sizes) for path, array in arrays.items()}
         array_metadata = {path: metadata(array, layouts[path][0]) for path, array in arrays.items()}
         nodes = _make_nodes(groups, array_metadata, attributes, shared)
-        chunks = [chunk for _, of_array in layouts.values() for chunk in of_array]
+        chunks = [chunk for _, array_chunks in layouts.values() for chunk in array_chunks]
         unchanged = {chunk.name: sizes.get(chunk.name) for chunk in chunks if chunk.is_stored}
         new_chunks = [chunk for chunk in chunks if not chunk.is_stored]
         new_names = [chunk.name for chunk in new_chunks]
@@ -114,9 +114,9 @@ def write_store(
             "%d chunks are written, %d stay: they have equal cells", len(new_chunks), len(unchanged)
         )
         chunk_digests = {
-            path: (prefix, {chunk.index: chunk.digest for chunk in of_array})
-            for path, (prefix, of_array) in layouts.items()
-            if of_array
+            path: (prefix, {chunk.index: chunk.digest for chunk in array_chunks})
+            for path, (prefix, array_chunks) in layouts.items()
+            if array_chunks
         }
         finished = Manifest(files, chunk_digests, new_names, nodes, old.files)
         finished.put(objects)
@@ -195,7 +195,8 @@ def zarr_store(path: PathOrUrl) -> Any:
 class Chunk:
     """A chunk of an array.
 
-    It `is_stored` if the store has it with equal cells, undamaged or absent because it is empty.
+    `is_stored`: the store already has the chunk, made from equal cells and undamaged, or absent
+    because it holds only the fill value.
     """
 
     name: str
@@ -211,7 +212,7 @@ def _lay_out(
 ) -> tuple[str, list[Chunk]]:
     """Return the prefix and the chunks of an array.
 
-    If they include all chunks of the old array, these keep their names.
+    If the new chunks include all chunks of the stored array, the prefix stays the same.
     """
     chunks = [(index, region, array.digest(region)) for index, region in iter_chunks(array)]
     prefix, digests = old.chunks.get(path, (CHUNK_PREFIXES[0], {}))
@@ -247,19 +248,19 @@ def _write_remotely(
 ) -> dict[str, int | None]:
     """Let other processes write new chunks; return the sizes of the written ones.
 
-    This process writes the others, such as chunks of workers that do not see the store.
+    The caller writes the others, such as chunks sent to workers that cannot access the store.
     """
     objects = Objects(resolve_path(objects.path))  # no worker makes the folder
     new_chunks = [chunk for chunk in chunks if chunk.array.remote_read is not None]
-    size = min(MAX_SENT, len(new_chunks) // (4 * writers.worker_count) + 1)
+    size = min(MAX_TASK_CHUNKS, len(new_chunks) // (4 * writers.worker_count) + 1)
     batches = enumerate(new_chunks[k : k + size] for k in range(0, len(new_chunks), size))
     files: dict[str, int | None] = {}
     under_way = 0
     try:
         while True:
             raise_if_stopped()
-            free_places = max(0, 2 * writers.worker_count - under_way)  # workers may have left
-            for number, batch in islice(batches, free_places):
+            free_slots = max(0, 2 * writers.worker_count - under_way)  # workers may have left
+            for number, batch in islice(batches, free_slots):
                 sent = [
                     (chunk.name, chunk.array.worker_part(chunk.region), chunk.region)
                     for chunk in batch
@@ -272,7 +273,7 @@ def _write_remotely(
                 under_way -= 1
                 files |= chunk_sizes or {}
     except BaseException:
-        with suppress(Exception):  # of writers that are gone
+        with suppress(Exception):  # the writers may be gone
             while under_way and (finished := writers.wait()):  # nothing is written after that
                 under_way -= len(finished)
         raise
@@ -283,7 +284,7 @@ def write_on_worker(
 ) -> dict[str, int | None]:
     """Write chunks that the manifest announces; return their sizes by name, None for empty ones.
 
-    It ends when the manifest changes, since the command that announced them has ended, too.
+    Skips the rest once the manifest changes: the command that announced the chunks has then ended.
     """
     files: dict[str, int | None] = {}
     version, manifest = objects.head(MANIFEST), read_manifest(objects.path)

@@ -102,10 +102,10 @@ def chart_content(
     """
     # Rows and charts run along the axis of the headline.
     main = next(iter(frames.values()))
-    ordinary = [name for name in main.varying_axes if name not in curves_of(main)]
+    other_axes = [name for name in main.varying_axes if name not in curves_of(main)]
     numbers = numeric_swept_axes(main, swept)
-    against = next(filter(None, [along, main_axis(main, swept), *ordinary]), "")
-    second = next((name for name in [*numbers, *ordinary] if name not in (against, BINS)), "")
+    against = next(filter(None, [along, main_axis(main, swept), *other_axes]), "")
+    second = next((name for name in [*numbers, *other_axes] if name not in (against, BINS)), "")
     return {
         "against": against,
         # Without declared curves, a curve for each value of the second axis.
@@ -136,7 +136,7 @@ def numeric_swept_axes(frame: Frame, swept: Sequence[str]) -> list[str]:
 
 
 def curves_of(frame: Frame) -> list[str]:
-    """Return the declared axes down of several values: a curve for each of their values."""
+    """Return the declared axes down with several values; a chart has a curve for each value."""
     return [name for name in frame.down if name in frame.varying_axes]
 
 

@@ -90,7 +90,7 @@ def _stamp(*stores: PathOrUrl) -> str:
 
 
 def render_template(template: str, content: Mapping[str, Any], stamp: str = "") -> str:
-    """Return the HTML of some content, which is escaped; templates are not."""
+    """Render a template to HTML; escape the content, but not the template."""
     from jinja2 import Environment, FileSystemLoader
     from markupsafe import Markup
 
