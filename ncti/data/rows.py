@@ -180,7 +180,7 @@ def dataset(
     bin_width, window : float
         Range bin, and range window centred on the ship origin [m].
     target_free_ifovs : int
-        IFOVs without target that each frame accumulates besides.
+        Target-free IFOVs that each frame also accumulates.
     spacing : float
         Distance between lines across the ship [m].
     far_field_error : float

@@ -1,6 +1,6 @@
 """Features: profile vectors, silhouettes and their log-polar maps, as input of classifiers.
 
-And the distances between ships by them.
+Also distances between ships, measured by their profile vectors.
 """
 
 from ncti.features.distance import ship_distance, sister

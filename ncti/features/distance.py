@@ -51,7 +51,7 @@ def ship_distance(
     -------
     float
         1 - mean cosine of the angle between their expected profile vectors at the same aspect: 0
-        for equal ships; 1 would be profiles without a range bin in common.
+        for equal ships, 1 for profiles that share no range bin.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def _vectors(
     slant_range: float,
     pulse_width: float,
 ) -> NDArray[np.float64]:
-    """(aspect, bin) expected profile vectors of unit length."""
+    """Return expected profile vectors of unit length, (aspect, bin)."""
     cnr = carrier_to_noise(slant_range)
     profiles = []
     for aspect in aspects:
@@ -135,7 +135,7 @@ def sister(
     Notes
     -----
     Distance grows with the scale, nearly as its square, as long as no draw has to be repeated; the
-    scale is bracketed and halved in the logarithm.
+    scale is found by bisection of its logarithm.
 
     Examples
     --------

@@ -19,7 +19,7 @@ INNER_RADIUS, INTERPOLATION = 0.5, "nearest"
 def silhouette_map(
     mask: ArrayLike, *, inner_radius: float = INNER_RADIUS, interpolation: str = INTERPOLATION
 ) -> NDArray[np.uint8]:
-    """Return the log-polar maps of silhouettes in 255ths of a cell.
+    """Return log-polar maps of silhouettes as bytes, 255 for a full cell.
 
     Parameters
     ----------
@@ -62,15 +62,15 @@ def silhouette_map(
 def map_cells() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the angles [deg] and relative log radii of the cells of maps.
 
-    Angles (angle,) run about the centroid from the right upwards; radii (radius,) from 0 at the
-    inner to 1 at the outer logarithm of the radius.
+    Angles (angle,) increase about the centroid from the right upwards; relative log radii (radius,)
+    increase from 0 at the inner radius to 1 at the outer radius.
     """
     angle, radius = np.arange(ANGLES, dtype=np.float64), np.arange(RADII, dtype=np.float64)
     return 360 / ANGLES * (angle + 0.5), (radius + 0.5) / RADII
 
 
 def map_vector(maps: ArrayLike) -> NDArray[np.float32]:
-    """Return log-polar maps in bytes as vectors of shares of cells.
+    """Return byte maps of silhouettes as vectors of cell coverage.
 
     Parameters
     ----------

@@ -15,13 +15,13 @@ METHODS = ("matched", "otsu", "li", "isodata")
 _BETA = 0.5  # log-odds that each neighbour on the ship adds, under the Ising prior
 _PASSES = 10
 _MIN, _MAX = 1e-6, 1e6  # K, limits of the sigmas
-_HUGE = 1e30  # K; its square in units of the smallest sigma is still finite
+_MAX_TEMPERATURE = 1e30  # K; its square in units of the smallest sigma is still finite
 
 # Neighbours within an image of a stack, none between images.
-_EIGHT = np.zeros((3, 3, 3), dtype=bool)
-_EIGHT[1] = True
-_FOUR = np.zeros((3, 3, 3), dtype=bool)
-_FOUR[1, 1, :] = _FOUR[1, :, 1] = True
+_EIGHT_CONNECTED = np.zeros((3, 3, 3), dtype=bool)
+_EIGHT_CONNECTED[1] = True
+_FOUR_CONNECTED = np.zeros((3, 3, 3), dtype=bool)
+_FOUR_CONNECTED[1, 1, :] = _FOUR_CONNECTED[1, :, 1] = True
 
 Mask = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -137,7 +137,7 @@ def segment(
             name: _parameter_stack(name, value, values.shape[:-2]) for name, value in known.items()
         }
         return _matched_silhouettes(stack, **parameters).reshape(values.shape)
-    threshold = getattr(_filters(), f"threshold_{method}")
+    threshold = getattr(_import_filters(), f"threshold_{method}")
     return largest_region([_pixels_above(threshold, image) for image in stack]).reshape(
         values.shape
     )
@@ -148,7 +148,7 @@ def largest_region(targets: ArrayLike) -> Mask:
     return _heaviest_region(np.asarray(targets, dtype=bool), weights=None)
 
 
-def _filters() -> Any:
+def _import_filters() -> Any:
     """Return the module of thresholds; `ImportError` if scikit-image is not installed."""
     try:
         from skimage import filters
@@ -209,7 +209,7 @@ def _log_likelihood_ratio(
 ) -> Floats:
     """Return L(x) of `segment`, monotone in x and at most 0 for x <= 0."""
     # In units of the sigma of the sea: the sea is N(0, 1), the ship N(mean, sigma).
-    x = np.clip(stack, -_HUGE, _HUGE) / sea_sigma
+    x = np.clip(stack, -_MAX_TEMPERATURE, _MAX_TEMPERATURE) / sea_sigma
     mean, sigma = contrast / sea_sigma, target_sigma / sea_sigma
     bent = sigma != 1.0
     if bent.any():
@@ -231,8 +231,8 @@ def _log_likelihood_ratio(
 
 def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
     """Return the result of iterated conditional modes started at `target`; see `segment`."""
-    undecided = np.abs(ratio) <= 4 * _BETA
-    if not undecided.any():
+    is_undecided = np.abs(ratio) <= 4 * _BETA
+    if not is_undecided.any():
         return target
     # Labels with a border of sea, flat, so that neighbours are at fixed offsets.
     images, rows, columns = target.shape
@@ -241,10 +241,10 @@ def _conditional_modes(target: Mask, ratio: Floats) -> Mask:
     labels[:, 1:-1, 1:-1] = target
     flat = labels.reshape(-1)
     around = np.array([-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1])
-    image, row, column = np.unravel_index(np.flatnonzero(undecided), target.shape)
+    image, row, column = np.unravel_index(np.flatnonzero(is_undecided), target.shape)
     place = (image * (rows + 2) + row + 1) * width + column + 1
     # Number of ship neighbours that must be exceeded; small integers are the fastest to sum.
-    bar = np.clip(4.0 - ratio[undecided] / _BETA, 0.0, 8.0).astype(np.uint8)
+    bar = np.clip(4.0 - ratio[is_undecided] / _BETA, 0.0, 8.0).astype(np.uint8)
     # Four sets of pixels that are not neighbours, which are updated in turn until all are stable.
     parity = 2 * (row % 2) + column % 2
     sets = []
@@ -265,7 +265,7 @@ def _heaviest_region(target: Mask, *, weights: Floats | None) -> Mask:
     """Return the 8-connected region of largest weight, by default of most pixels, without holes."""
     from scipy import ndimage
 
-    regions, count = ndimage.label(target, structure=_EIGHT)
+    regions, count = ndimage.label(target, structure=_EIGHT_CONNECTED)
     if count == 0:
         return np.zeros(target.shape, dtype=bool)
     flat = regions.reshape(-1)
@@ -282,7 +282,7 @@ def _heaviest_region(target: Mask, *, weights: Floats | None) -> Mask:
     # Sea that is not 4-connected to the outside is a hole.
     sea = np.ones((len(target), target.shape[1] + 2, target.shape[2] + 2), dtype=bool)
     np.logical_not(region, out=sea[:, 1:-1, 1:-1])
-    outside, parts = ndimage.label(sea, structure=_FOUR)
+    outside, parts = ndimage.label(sea, structure=_FOUR_CONNECTED)
     if parts > len(target):
         region = (outside != outside[:, :1, :1])[:, 1:-1, 1:-1]
     return region

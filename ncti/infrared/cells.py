@@ -24,9 +24,9 @@ def count_points(
     """Add the number of points in each cell to `counts` (row, col).
 
     `horizontal` and `vertical` (point,) are cross-ranges [m]; `scale` is in pixels per metre;
-    `phase` is the position of the origin in its pixel, right and up; `cells` cut each side of a
-    pixel; `first` is column and row of cell [0, 0], counted from the origin's pixel. A point that
-    rounding puts outside counts in the nearest cell.
+    `phase` is the position of the origin in its pixel, right and up; `cells` is their number
+    along each side of a pixel; `first` is column and row of cell [0, 0], counted from the origin's
+    pixel. A point that rounding puts outside counts in the nearest cell.
     """
     rows, columns = counts.shape
     column, row = np.empty(horizontal.size, np.int32), np.empty(horizontal.size, np.int32)

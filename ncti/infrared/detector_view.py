@@ -1,4 +1,4 @@
-"""Images of a ship by the imager, their errors and its detection, at places on the pixels."""
+"""Images, reconstruction errors and detection of a ship at subpixel offsets on the detector."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ class LargestWindow:
     height: float
 
     def half_pixels(self, place: SubpixelOffset = (0.0, 0.0)) -> Silhouette:
-        """Return its half pixels, all of them sea, for a ship origin at a place in its pixel."""
+        """Return the window's half pixels, all sea, for a ship origin at `place` in its pixel."""
         return _half_pixels(self, place)  # cached, as all super-resolution methods share it
 
     def axes(self, super_resolution: str) -> dict[str, Floats]:
-        """Return `vertical` (row,) and `horizontal` (col,), places of its pixels [m]."""
+        """Return cross-ranges of its pixel centres [m], `vertical` (row,), `horizontal` (col,)."""
         pixels = self.half_pixels()
         places = {}
         for axis, name in enumerate(("vertical", "horizontal")):
@@ -111,8 +111,8 @@ class DetectorView:
     imager : Imager
         The imager.
     stream : callable
-        Function of `stage`, and perhaps `super_resolution`, that returns a random generator,
-        the same for the same words: of `infrared_place` for places of the ship on the pixels, of
+        Function of `stage` and optionally `super_resolution` that returns a random generator, the
+        same for equal arguments. Stage `infrared_place` is for subpixel offsets of the ship,
         `infrared` for images.
 
     See Also
@@ -122,7 +122,7 @@ class DetectorView:
 
     Examples
     --------
-    The probability to detect a box of 100 m at 50 km, at two places on the pixels, for 1 and 16
+    The probability of detecting a box of 100 m at 50 km, at two subpixel offsets, for 1 and 16
     frames:
 
     >>> import numpy as np
@@ -177,7 +177,7 @@ class DetectorView:
     ) -> Floats:
         """Return (offset, frame_count, row, col) images [K] of one super-resolution method.
 
-        One stream draws all places in turn, so earlier places than the last of these, too.
+        One stream draws all offsets in turn, so every offset up to the largest requested is drawn.
         """
         key = super_resolution, frame_count
         if key not in self._drawn:
@@ -198,7 +198,7 @@ class DetectorView:
     def image_in(
         self, window: LargestWindow, super_resolution: str, frame_count: tuple[int, ...]
     ) -> Floats:
-        """Return (frame_count, row, col) images [K] of its first place on the pixels, in a window.
+        """Return (frame_count, row, col) images [K] at the first offset, placed in a window.
 
         NaN outside the synthesised surroundings of the ship.
         """

@@ -36,10 +36,10 @@ class Hits:
     columns : int
         Pixels of a row; 0 of lines.
     lattice : (4,) float64 ndarray
-        Pixel, origin across and up [m], and roll [deg]; of lines spacing [m], 0, phase [spacing]
-        and roll.
+        For pixels: pixel, origin across and up [m], and roll [deg]. For lines: spacing [m], 0,
+        phase [spacing] and roll [deg].
     line : (piece,) int32 ndarray
-        Number of a piece's line; none of pixels.
+        Index of each piece's line; empty for pixels.
     span : (piece, 2) float64 ndarray
         Begin and end along the line [m].
 
@@ -119,7 +119,7 @@ class Patches:
     ) -> Silhouette:
         """Return the coverage of detector pixels with a footprint [m], or of their subdivisions.
 
-        `place` is the ship origin's in its pixel, right and up from the pixel's corner [pixel].
+        `place` is the ship origin's position in its pixel, right and up from the corner [pixel].
         """
         window: dict[str, Any] = {"footprint": footprint, "phase": place, "margin": MARGIN}
         window |= {"extent": self.extent, "subdivision": subdivision}

@@ -39,12 +39,12 @@ class Imager:
 
     See Also
     --------
-    image : Image of a ship by one of them.
+    image : Image of a ship taken by an imager.
     thermal_images : Images with such noise.
 
     Notes
     -----
-    By default that of the article [1]_, with the assumed spreads and coverage of sweeps.
+    The defaults are the article's imager [1]_ and the spreads and coverage assumed in sweeps.
 
     References
     ----------
@@ -79,7 +79,7 @@ class Imager:
         )
 
     def sigmas(self, frame_count: ArrayLike, super_resolution: str = "none") -> dict[str, Any]:
-        """Return target_sigma and sea_sigma, deviations of a pixel of averages of frames [K]."""
+        """Return target_sigma and sea_sigma, standard deviations of a frame-averaged pixel [K]."""
         noise: dict[str, Any] = {"frame_count": frame_count, "nedt": self.nedt}
         noise["super_resolution"] = super_resolution
         spreads = {"target_sigma": self.target_spread, "sea_sigma": self.sea_spread}

@@ -220,8 +220,8 @@ def snr(
     Raises
     ------
     ValueError
-        If a range is negative, a frame count is not a whole number of at least 1, the noise is
-        zero, or too small beside the contrast for the ratio to be a finite number.
+        If a range is negative, a frame count is not a whole number of at least 1, or the noise is
+        zero or too small for the ratio to be finite.
 
     See Also
     --------

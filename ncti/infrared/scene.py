@@ -45,8 +45,8 @@ def draw_scene(
     Cov(W(M), W(N)) = nedt^2 min(M, N). It is drawn as such, at a cost that grows with the logarithm
     of N. The draw for one frame count depends neither on the other counts nor on their order: the
     generator draws two normals per pixel, for the scene and for W(16), for any counts, and every
-    other count on the walk's way has its own generator, a child of a seed sequence that each call
-    spawns from the one of `rng`. So equal results need generators with equal spawn counts, too.
+    other count that the walk visits has a generator seeded by a child of a seed sequence that each
+    call spawns from the one of `rng`. Equal results thus need generators with equal spawn counts.
     From W(16) the walk doubles, W(32), W(64), ...; between those, and below 16, Levy's construction
     of a Brownian bridge draws the sum in the middle of an interval from the sums at its ends, until
     it reaches a count.
@@ -71,7 +71,7 @@ def draw_scene(
 
     # Temperature of the scene: its spread, and the contrast on the ship.
     node = _nodes(target, rim, rng)
-    scene, anchor = _draw(target, 2, rim, rng)
+    scene, anchor = _draw_normals(target, 2, rim, rng)
     if target_spread == sea_spread:
         scene *= sea_spread
     else:
@@ -81,7 +81,7 @@ def draw_scene(
     np.add(inside, contrast, out=inside, where=target)
     # Detector noise: sums of frames along one random walk, divided by their number.
     anchor *= math.sqrt(ANCHOR_FRAMES)
-    walk = dict(_walk(anchor, sorted(set(numbers)), node))
+    walk = dict(_draw_walk(anchor, sorted(set(numbers)), node))
     noise = np.empty((len(numbers), *anchor.shape))
     for count, average in zip(numbers, noise, strict=True):
         np.multiply(walk[count], nedt / count, out=average)
@@ -93,12 +93,12 @@ Box = tuple[int, int, int, int]  # first row, one past the last, first column, o
 Node = Callable[[int], Field]
 
 
-def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, Field]]:
+def _draw_walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, Field]]:
     """Yield sums of unit normals at ascending counts, given the anchor; see `draw_scene`."""
     first, start = 0, np.zeros_like(anchor)
     last, end = ANCHOR_FRAMES, anchor
     while True:
-        yield from _sums_between((first, start), (last, end), counts, node)
+        yield from _draw_sums_between((first, start), (last, end), counts, node)
         if last in counts:
             yield last, end
         if last >= counts[-1]:
@@ -108,7 +108,7 @@ def _walk(anchor: Field, counts: list[int], node: Node) -> Iterator[tuple[int, F
         end = start + math.sqrt(last - first) * node(last)
 
 
-def _sums_between(
+def _draw_sums_between(
     before: tuple[int, Field], after: tuple[int, Field], counts: list[int], node: Node
 ) -> Iterator[tuple[int, Field]]:
     """Yield the sums at the counts between two counts with known sums."""
@@ -121,10 +121,10 @@ def _sums_between(
     # Given both ends, the middle is normal about the chord.
     total = (right / (last - first)) * start + (left / (last - first)) * end
     total += math.sqrt(left * right / (last - first)) * node(middle)
-    yield from _sums_between(before, (middle, total), inside, node)
+    yield from _draw_sums_between(before, (middle, total), inside, node)
     if middle in inside:
         yield middle, total
-    yield from _sums_between((middle, total), after, inside, node)
+    yield from _draw_sums_between((middle, total), after, inside, node)
 
 
 def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Node:
@@ -142,12 +142,12 @@ def _nodes(target: NDArray[np.bool_], rim: int, rng: np.random.Generator) -> Nod
         stream = np.random.SeedSequence(
             family.entropy, spawn_key=(*family.spawn_key, count), pool_size=family.pool_size
         )
-        return _draw(target, 1, rim, np.random.Generator(np.random.PCG64(stream)))[0]
+        return _draw_normals(target, 1, rim, np.random.Generator(np.random.PCG64(stream)))[0]
 
     return node
 
 
-def _draw(
+def _draw_normals(
     target: NDArray[np.bool_], count: int, rim: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     """Return normals (count, row + 2 rim, col + 2 rim), drawn in the order of `draw_scene`."""

@@ -177,7 +177,7 @@ def silhouette(
     """
     require("footprint", footprint, minimum=image.resolution)
     if isinstance(image, LineImage):
-        window = _window(*image.bounds, footprint, phase, margin, extent, subdivision)
+        window = _fit_window(*image.bounds, footprint, phase, margin, extent, subdivision)
         cells = int(subdivision)
         parts = image.bin(side=footprint / cells, shift=(phase[0] * cells, phase[1] * cells))
         # Rounding may put the outermost piece just past the border of its bounding box.
@@ -264,7 +264,7 @@ def coverage_of(
            [0.33, 0.33, 0.22]])
     """
     require("area", area, positive=True)
-    window = _window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
+    window = _fit_window(horizontal, vertical, footprint, phase, margin, extent, subdivision)
     from ncti.infrared.cells import count_points
 
     counts = np.zeros(window.shape)
@@ -289,7 +289,7 @@ class _Window(NamedTuple):
     origin: tuple[float, float]
 
 
-def _window(
+def _fit_window(
     horizontal: NDArray[np.float64],
     vertical: NDArray[np.float64],
     footprint: float,
@@ -309,8 +309,8 @@ def _window(
     side = footprint / cells
     left, right, bottom, top = (None,) * 4 if extent is None else extent
     pixels = (
-        _pixels("horizontal", horizontal, footprint, phase[0], left, right),
-        _pixels("vertical", vertical, footprint, phase[1], bottom, top),
+        _pixel_bounds("horizontal", horizontal, footprint, phase[0], left, right),
+        _pixel_bounds("vertical", vertical, footprint, phase[1], bottom, top),
     )
     (first_column, last_column), (first_row, last_row) = (
         (first - int(margin), last + int(margin)) for first, last in pixels
@@ -332,7 +332,7 @@ def _window(
     )
 
 
-def _pixels(
+def _pixel_bounds(
     axis: str,
     points: NDArray[np.float64],
     footprint: float,

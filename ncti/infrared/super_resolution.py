@@ -68,12 +68,12 @@ def shift_and_add(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     100     64     0.453   0.416       0.317       0.356
     =====  ======  =====  =======  =============  =======
 
-    The frames are those of each position; `quarter` is shift-and-add with a quarter of them, as
-    many in total as `none` and `perfect`. Even then it is better than `none` everywhere and better
-    than `perfect` at 100 km. `perfect` is no bound: every half pixel has the spread of a detector
-    pixel. Iterative back-projection after shift-and-add raises the error at these noise levels, by
-    up to 39 % in one iteration: sharpening amplifies noise and the sea's own pattern more than it
-    removes blur.
+    Frames are counted at each position; `quarter` is shift-and-add with a quarter of them, so that
+    the total equals that for `none` and `perfect`. Even then it is better than `none` everywhere
+    and better than `perfect` at 100 km. `perfect` is no bound: every half pixel has the spread of a
+    detector pixel. Iterative back-projection after shift-and-add raises the error at these noise
+    levels, by up to 39 % in one iteration: sharpening amplifies noise and the pattern of the sea
+    more than it removes blur.
     """
     fine = samples[..., 1:, 1:] + samples[..., 1:, :-1]
     fine += samples[..., :-1, 1:]

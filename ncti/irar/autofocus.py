@@ -1,4 +1,4 @@
-"""Closing speed from the scan itself: the one at which upright faces appear upright."""
+"""Estimate the closing speed from a scan, as the speed at which upright faces appear upright."""
 
 from __future__ import annotations
 
@@ -84,9 +84,9 @@ def autofocus(scan: Scan, estimate: Flight) -> Flight:
 
     Maximising the contrast of the profile is a worse criterion: the visible parts of a ship recede
     with height, tier by tier, and a closing speed some 2 % too low draws the tiers together. Raked
-    faces count as upright, so the residual error is the ship's own rake: up to 1.3 % near the
-    stern, and 3 % ahead, of the six ships. The ship's speed acts on ranges as the aircraft's does;
-    only the aircraft's is adjusted.
+    faces count as upright, so the residual error is the ship's rake: for the six ships, up to
+    1.3 % seen from near the stern and 3 % from ahead. The ship's speed acts on ranges as the
+    aircraft's does; only the aircraft's is adjusted.
 
     Examples
     --------
@@ -129,8 +129,8 @@ def _modal_slope(scan: Scan, flight: Flight) -> float:
     # Slopes between pixels of a column a deck apart, with no gap in between.
     rows = max(2, round(SLOPE_HEIGHT / spacing))
     gaps = np.cumsum(~np.isfinite(level), axis=0)
-    unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
-    slopes = (level[rows:] - level[:-rows])[unbroken] / (rows * spacing)
+    is_unbroken = np.isfinite(level[:-rows]) & (gaps[rows:] == gaps[:-rows])
+    slopes = (level[rows:] - level[:-rows])[is_unbroken] / (rows * spacing)
     if not slopes.size:
         raise NothingSeenError(
             f"scan shows nothing {SLOPE_HEIGHT:g} m high after correction, but must show a ship"

@@ -51,13 +51,13 @@ class Correction:
     Attributes
     ----------
     azimuth : str
-        How columns follow the motion: `pixel`, `line` or `constant`, as for `motion_displacement`,
-        or `none`. Rows and ranges always follow it pixel by pixel.
+        Motion correction of columns: `pixel`, `line` or `constant`, as for `motion_displacement`,
+        or `none`. Rows and ranges are always corrected pixel by pixel.
     mirror : str
-        How the mirror's effect is removed: `exact` or `printed` shear, `rotation` of the whole
+        Correction of the mirror's effect: `exact` or `printed` shear, `rotation` of the whole
         image, or `none`.
     range_filter : str
-        How the ranges of a pixel's looks become one: `cluster`, `median` or `mean`.
+        Filter that combines the ranges of a pixel's looks: `cluster`, `median` or `mean`.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def nearest_ship_range(scan: Scan) -> Floats:
 def _sea_median(scan: Scan) -> float:
     """Return the median intensity of samples of the sea, which are most of a scan.
 
-    It is that of noise where the receiver's threshold leaves out more than half of them.
+    If the receiver's threshold drops more than half of them, return the median of noise peaks.
     """
     median = float(np.median(scan.intensity))
     flight, reported = scan.flight, scan.intensity[scan.intensity > 0]
@@ -229,9 +229,9 @@ def correct(
 
 
 def sea_level(looks: NDArray[np.intp], flight: Flight) -> Floats:
-    """Return the intensity (...) that averages of the sea reach in one pixel of 1,000.
+    """Return the intensity (...) that one averaged pixel of the sea in 1,000 reaches.
 
-    It is in noise powers. `looks` (...) counts samples averaged, dropouts included; 0 gives 0. The
+    It is in noise powers. `looks` (...) counts averaged samples, including dropouts; 0 gives 0. The
     sea returns nothing, so its samples are the receiver's noise, independent from pulse to pulse at
     any line rate. Overscanned rows share looks: neighbours exceed the level together, but each at
     the same rate.

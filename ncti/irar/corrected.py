@@ -125,7 +125,7 @@ class Chain(Correction):
     def window(self, mesh: trimesh.Trimesh, flight: Flight, error: tuple[str, float]) -> Window:
         """Return the pixels of a corrected image: around the ship, wider if it may lean.
 
-        An error of the pointing, named and in degrees, moves them to the ship's apparent place.
+        A pointing `error`, (name, degrees), moves them to the ship's apparent place.
         """
         window = ship_window(mesh, flight)
         upright = self.azimuth == "pixel" and self.mirror in MIRROR_FORMS
@@ -133,7 +133,7 @@ class Chain(Correction):
             # Uncorrected lines rise by the mirror's angle; rows follow one another with the drift.
             turn = mirror_rotation(flight.depression, mirror_angle=flight.mirror_angle)
             drift, steep = abs(flight.drift / flight.climb), math.tan(abs(math.radians(turn)))
-            # As printed, rows that such lines climb more slowly, or faster, keep their distance.
+            # The printed chain keeps the row spacing, though such lines climb slower or faster.
             tall = 1.0 if self.form == EXACT else 1.0 / max(1.0 - drift * steep, 0.1)
             longest = max(window.rows, window.columns)
             above = math.ceil(longest * max(1 / 8, 1.1 * steep) + window.rows * 0.6 * (tall - 1.0))
@@ -175,7 +175,8 @@ def measure_tilts(
 
     They are `mast_tilt` and `waterline_tilt`, each with `_error`, and with the prefixes
     `intensity_`, `infrared_` and `noiseless_`. `uncut` are corrected images without a threshold,
-    `truth` the true ones on the ship's own window; `shows_ship` is of the intensity.
+    `truth` the true images in the ship's window; `shows_ship` says whether the intensity shows a
+    ship.
     """
     pixels = uncut.window
     # Tilts are of the uncut image if it shows a ship: a threshold eats into dim edges.
@@ -213,8 +214,8 @@ def model_profiles(
 ) -> Floats:
     """Return (noiseless, synthetic, point; bin) profiles for a carrier-to-noise ratio of 1.
 
-    The last two are of the range image of the whole view at the sensor's pixel, of even
-    reflectivity: each pixel's area spread over its range extent, or sampled at its middle. Level
+    The last two come from a range image of the whole view with the sensor's pixels and uniform
+    reflectivity: each pixel's area is spread over its range extent, or binned at its centre. Level
     rows of pixels see a deck at widely spaced distances, and only the whole extent closes the gaps.
     """
     sight: dict[str, Any] = {"slant_range": flight.slant_range}
@@ -274,7 +275,7 @@ def compare_profiles(
     }
 
 
-def _landmark_values(marks: Landmarks | None, perry: bool) -> dict[str, float]:
+def _landmark_values(marks: Landmarks | None, is_perry: bool) -> dict[str, float]:
     """Return the landmarks of one profile by name, and its hangar."""
     if marks is None:
         return {}
@@ -285,7 +286,7 @@ def _landmark_values(marks: Landmarks | None, perry: bool) -> dict[str, float]:
         "deck_spikes": float(len(marks.deck_spikes)),
     }
     peaks = {"transom": marks.transom}
-    peaks |= {"mast": marks.mast, "forward": marks.forward} if perry else {}
+    peaks |= {"mast": marks.mast, "forward": marks.forward} if is_perry else {}
     for name, peak in peaks.items():
         figures[f"{name}_position"] = peak.offset
         figures[f"{name}_ratio"] = peak.height

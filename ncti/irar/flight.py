@@ -66,8 +66,8 @@ class Flight:
     """Parameters of one pass of the aircraft by a ship.
 
     Time is 0 when the depression of the ship's origin equals that of the mirror's line of sight.
-    Slant range, offset and aspect are those of this moment, whose view the corrections recover (the
-    *snapshot*).
+    Slant range, offset and aspect refer to this moment, the *snapshot*, whose view the corrections
+    recover.
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ class Flight:
     jitter_time: float = 0.1
 
     def __post_init__(self) -> None:
-        """Raise for parameters that cannot be flown."""
+        """Raise `ValueError` for invalid parameters."""
         for name, (_, limits) in PARAMETERS.items():
             if getattr(self, name) is not None or name not in OPTIONAL_PARAMETERS:
                 require(name, getattr(self, name), **limits)

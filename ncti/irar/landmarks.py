@@ -197,12 +197,12 @@ def landmarks(
     from scipy.signal import find_peaks
 
     # Zeros on both sides, so that a maximum at the profile's end is a peak, too.
-    tops = find_peaks(np.pad(values, 1), prominence=PROMINENCE * height)[0] - 1
+    peak_bins = find_peaks(np.pad(values, 1), prominence=PROMINENCE * height)[0] - 1
 
     def highest(near: float, far: float) -> Peak:
         """Return the highest peak from `near` to `far` past the hangar."""
-        offsets = centres[tops] - spike
-        peaks = tops[(offsets >= near) & (offsets <= far)]
+        offsets = centres[peak_bins] - spike
+        peaks = peak_bins[(offsets >= near) & (offsets <= far)]
         return peak(int(peaks[values[peaks].argmax()])) if peaks.size else Peak(math.nan, 0.0, 0.0)
 
     # Ends of the ship, the transom at its stern and the spikes of the deck before the hangar.
@@ -211,7 +211,7 @@ def landmarks(
     transom = peak(int(aft[values[aft].argmax()])) if aft.size else Peak(math.nan, 0.0, 0.0)
     # The deck begins beyond the transom, including its slope.
     begins = max(stern + DECK, spike + np.nan_to_num(transom.offset, nan=-math.inf) + REACH)
-    deck = (centres[tops] > begins) & (centres[tops] < spike - APRON)
+    deck = (centres[peak_bins] > begins) & (centres[peak_bins] < spike - APRON)
     return Landmarks(
         hangar=spike,
         stern=spike - stern,
@@ -219,7 +219,7 @@ def landmarks(
         transom=transom,
         mast=highest(*MAST),
         forward=highest(*FORWARD),
-        deck_spikes=tuple(_centroid(values, centres, n) - spike for n in tops[deck]),
+        deck_spikes=tuple(_centroid(values, centres, n) - spike for n in peak_bins[deck]),
     )
 
 

@@ -20,11 +20,11 @@ _BLOCK = 4096  # pixels at a time, which fit into a processor's cache
 def gather_looks(row: Floats, column: Floats, *, rows: Floats, columns: int) -> NDArray[np.intp]:
     """Return the samples of each pixel, (k, columns, look) indices into the flattened samples.
 
-    `row` and `column` (...) [pixel] place each sample, NaN none; `rows` (k,) [pixel] are ascending
-    centres of the image's rows, closer than a pixel if rows overlap, as at line rate. Pixel (k, c)
-    holds samples with rows[k] - 1/2 <= row < rows[k] + 1/2 and c - 1/2 <= column < c + 1/2, by
-    ascending row, then in their own order, then -1 up to the depth of the fullest pixel, at least
-    1.
+    `row` and `column` (...) [pixel] locate each sample, NaN if it has no place; `rows` (k,) [pixel]
+    are ascending centres of the image's rows, closer than a pixel if rows overlap, as at line rate.
+    Pixel (k, c) holds samples with rows[k] - 1/2 <= row < rows[k] + 1/2 and c - 1/2 <= column < c +
+    1/2, by ascending row, ties in their original order, padded with -1 to the depth of the fullest
+    pixel, at least 1.
     """
     height = len(rows)
     # Column of each sample, and the range of rows whose windows contain it.
@@ -55,7 +55,7 @@ def looks_of(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
     `values` (...) has one value per sample, and `index` is as of `gather_looks`.
     """
     flat = np.asarray(values, dtype=np.float64).ravel()
-    return np.append(flat, math.nan)[index]  # -1 is the last
+    return np.append(flat, math.nan)[index]  # index -1 selects the appended NaN
 
 
 def average(values: ArrayLike, index: NDArray[np.intp]) -> Floats:
@@ -95,8 +95,8 @@ def histogram_cluster_average(ranges: Floats, *, window: float) -> Floats:
     `ranges` (..., look) are corrected for motion, NaN marks no look; `window` [m] is the widest
     cluster, such as four standard deviations of a range measurement. The article's 'Data
     Enhancement and Compensation' names the filter and does not define it. Here a window slides over
-    the sorted ranges, and the fullest one is averaged; of equally full ones, the tightest, then the
-    nearest, so of two looks that disagree the nearer one. Four standard deviations occasionally
+    the sorted ranges, and the fullest one is averaged. Ties go to the tightest window, then to the
+    nearest: of two looks that disagree, the nearer one. Four standard deviations occasionally
     omit a true look: without false ranges the error is 5 % above the mean's at 8 looks. A false
     range counts only if it falls beside true ones.
     """

@@ -1,4 +1,4 @@
-"""Facets with a reflectivity of their own, according to the article: an input, not a result."""
+"""Reflectivity of transom and mast facets after the article: assumed inputs, not results."""
 
 from __future__ import annotations
 

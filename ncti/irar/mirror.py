@@ -22,11 +22,11 @@ def mirror_axes(*, azimuth: float, depression: float, mirror_angle: float = 45.0
     """Return the axes (3, 3) of the scanner after the mirror, as rows of (east, north, up).
 
     Rows lie along the scan, across it and ahead: right, up and away, except for the rotation about
-    the beam by `mirror_rotation`. `azimuth` [deg] from north and `depression` [deg] are those
-    of the middle beam after the mirror, and `mirror_angle` [deg] half the azimuth by which the
-    mirror turns it: at 45 it reaches the mirror from the right of the line of sight, with the
-    article's sign. The scanner moves the beam in the horizontal plane, and the mirror, fixed during
-    the pass, deflects it downwards, so that a line of the scan is not level.
+    the beam by `mirror_rotation`. `azimuth` [deg] from north and `depression` [deg] give the
+    direction of the middle beam after the mirror; `mirror_angle` [deg] is half the azimuth by which
+    the mirror turns it. At 45 the beam reaches the mirror from the right of the line of sight, with
+    the article's sign. The scanner moves the beam in the horizontal plane, and the mirror, fixed
+    during the pass, deflects it downwards, so that a line of the scan is not level.
     """
     towards = compass_directions(azimuth, -depression)
     source = azimuth + 2 * mirror_angle  # azimuth of the source of the beam
@@ -77,9 +77,9 @@ def mirror_rotation(depression: float, *, mirror_angle: float = 45.0, form: str 
     is -gamma at psi = 45 deg. The printed form is its limit for small gamma, 0.05 deg off at 6.7
     deg and 1.1 deg off at 20 deg.
 
-    It is a rotation of a whole image that a detector array takes at once, as the article says. With
-    one scanned detector it is the lean of the lines, while the rows still climb straight up with
-    the aircraft: a shear.
+    The image of a detector array, taken at once, rotates by this angle, as the article says. With
+    one scanned detector, the lines lean by it while the rows still climb straight up with the
+    aircraft: a shear.
 
     References
     ----------

@@ -41,10 +41,10 @@ def noise_probability(level: Floats, *, depth: float, pulse_length: float) -> Fl
 def noise_peak(
     uniform: NDArray[np.floating], *, depth: NDArray[np.floating] | float, pulse_length: float
 ) -> Floats:
-    """Return the largest intensity (...) of noise for a probability of staying below it.
+    """Return quantiles (...) of the largest noise intensity in a gate, in noise powers.
 
-    It is in noise powers. This inverse of `noise_probability` turns `uniform` (...) random numbers
-    into peaks, to 0.001.
+    This inverse of `noise_probability` turns `uniform` (...) random numbers into peaks, accurate to
+    0.001.
     """
     levels = np.concatenate([np.geomspace(1e-9, 0.01, 100)[:-1], np.linspace(0.01, 40.0, 4000)])
     uniform, depth = np.broadcast_arrays(uniform, depth)
@@ -123,8 +123,8 @@ def peaks(
     noise = noise_peak(rng.random(count), depth=depth, pulse_length=flight.pulse_length)
     anywhere = gate + depth * rng.random(count)
     anywhere += np.where(anywhere > begin, covered, 0.0)
-    false = (noise > intensity) & (depth > 0)
-    intensity[false], ranges[false] = noise[false], anywhere[false]
+    is_false = (noise > intensity) & (depth > 0)
+    intensity[is_false], ranges[is_false] = noise[is_false], anywhere[is_false]
     ranges += flight.range_sigma * rng.standard_normal(count)
     dropout = intensity < flight.threshold
     intensity[dropout], ranges[dropout] = 0.0, np.nan

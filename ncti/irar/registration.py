@@ -97,14 +97,14 @@ def snapshot_places(flight: Flight, time: Floats, ranges: Floats) -> tuple[Float
     """Return row, column [pixel] and range [m] of each sample's target in the snapshot, exactly.
 
     All results are (line, sample). `time` [s] is after the snapshot; where `ranges` [m] are NaN,
-    that of the ship's origin gives row and column. Direction and range of a sample give a point on
-    the ship, projected into the view from the aircraft's place in the snapshot: all corrections at
-    once.
+    the range of the ship's origin gives row and column. The direction and range of a sample give a
+    point on the ship, projected into the view from the aircraft's place in the snapshot. This makes
+    all corrections at once.
     """
     position = flight.position(time)
     nominal = np.linalg.norm(position, axis=-1)
     reach = np.where(np.isnan(ranges), nominal, ranges)
-    point = position + reach[..., None] * _beams(flight, time.shape)
+    point = position + reach[..., None] * _beam_directions(flight, time.shape)
     sight = point - flight.position(np.zeros(()))
     row, column = _image_places(flight, sight)
     distance = np.linalg.norm(sight, axis=-1)
@@ -126,8 +126,7 @@ def mirror_displacement(
 ) -> tuple[Floats, Floats]:
     """Return displacements (sample,) of rows and columns [pixel] by the lean of the lines.
 
-    By `exact`, every sample's beam is reflected; `printed` is a shear by the article's small-angle
-    form.
+    `exact` reflects every sample's beam; `printed` is a shear by the article's small-angle form.
 
     The article's 'Data Processing' prescribes a rotation (`rotate`). With one scanned detector the
     lines lean while the rows still climb straight up with the aircraft: a shear. The rotation
@@ -163,8 +162,8 @@ def motion_displacement(
     range and offset of each line; `constant` the origin at time 0, one shift for all lines, with
     `azimuth_shift` for the columns. The article computes the correction at each pixel and
     propagates it through every scan line ('Data Processing'). For an aircraft heading 5 deg off the
-    ship, a mast leans by nearly 40 deg uncorrected, by some degrees with one shift, by one with
-    each line's, and not at all with each pixel's.
+    ship, a mast leans by nearly 40 deg uncorrected, by a few degrees with `constant`, by one
+    degree with `line`, and not at all with `pixel`.
     """
     if method == "constant":
         row = flight.climb * time / flight.pixel
@@ -177,13 +176,13 @@ def motion_displacement(
         row, column = _image_places(flight, -position)
         return -row, -column, flight.slant_range - nominal
     row, column, distance = snapshot_places(flight, time, ranges)
-    row_now, column_now = _image_places(flight, _beams(flight, time.shape))
+    row_now, column_now = _image_places(flight, _beam_directions(flight, time.shape))
     nominal_snapshot = np.linalg.norm(flight.position(np.zeros(())))
     closer = np.where(np.isnan(ranges), nominal_snapshot - nominal, distance - ranges)
     return row - row_now, column - column_now, closer
 
 
-def _beams(flight: Flight, shape: tuple[int, ...]) -> Floats:
+def _beam_directions(flight: Flight, shape: tuple[int, ...]) -> Floats:
     """Return the direction of each sample's beam, (line, sample, 3)."""
     angles = flight.scan_angles(np.arange(shape[-1]))
     return np.broadcast_to(flight.directions(angles, np.zeros_like(angles)), (*shape, 3))

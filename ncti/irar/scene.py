@@ -36,8 +36,8 @@ class Returns:
     """Returns of the ship to each sample of a scan, or to each pixel of a snapshot.
 
     `shape` is lines and columns; `place` (hit,) the flat index of a ray's sample, ascending; `ray`
-    (hit,) its number, below `rays`; `distance` (hit,) [m]; `power` (hit,) that over a flat target
-    that fills the IFOV.
+    (hit,) its number, below `rays`; `distance` (hit,) [m]; `power` (hit,) is relative to a flat
+    target that fills the IFOV.
     """
 
     shape: tuple[int, int]
@@ -66,8 +66,8 @@ class Returns:
 class ScanPlan:
     """Lines that a pass needs to scan a ship from its waterline to its mast tops.
 
-    The pointing of `flight` is determined; line 0 begins at time 0, and the first of `lines` is
-    `first`.
+    `flight` has its pointing set. Line 0 begins at time 0; the plan has `lines` lines from line
+    `first` on.
     """
 
     flight: Flight
@@ -82,7 +82,7 @@ class ScanPlan:
     def meets(self, mesh: trimesh.Trimesh) -> bool:
         """Return whether the lines are long and aimed well enough to hit part of a ship."""
         corners = np.asarray(mesh.vertices, dtype=np.float64)
-        _, along, _ = _crossings(self.flight, corners, name="pointing")
+        _, along, _ = _find_crossings(self.flight, corners, name="pointing")
         half = self.flight.samples * self.flight.ifov / 2
         return bool(along.min() < half and along.max() > -half)
 
@@ -90,7 +90,7 @@ class ScanPlan:
 def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     """Return the lines and the pointing with which a pass scans a whole ship.
 
-    A flight with its own `pointing` keeps it, whether or not the ship fits into the line.
+    A flight whose `pointing` is set keeps it, whether or not the ship fits into the line.
     """
     corners = np.asarray(mesh.vertices, dtype=np.float64)
     _, up, away = flight.snapshot_axes @ corners.T
@@ -110,9 +110,9 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     # Times at which lines meet the ship's corners, with a margin.
     aimed = flight if flight.pointing is not None else _aim_scan(flight, corners)
     name = "offset" if flight.pointing is None else "pointing"
-    times, along, pace = _crossings(aimed, corners, name=name)
+    times, along, climb_rate = _find_crossings(aimed, corners, name=name)
     margin = MARGIN * flight.ifov + 4 * flight.jitter
-    reach = margin / pace.min() + flight.samples / flight.pulse_rate
+    reach = margin / climb_rate.min() + flight.samples / flight.pulse_rate
     start, stop = float(times.min()) - reach, float(times.max()) + reach
     if (stop - start) * flight.line_rate > MAX_LINES:
         raise ValueError(
@@ -129,26 +129,26 @@ def plan_scan(mesh: trimesh.Trimesh, flight: Flight) -> ScanPlan:
     return ScanPlan(aimed, first, last - first + 1)
 
 
-def _crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, Floats, Floats]:
+def _find_crossings(flight: Flight, corners: Floats, *, name: str) -> tuple[Floats, Floats, Floats]:
     """Return time [s], scan angle [rad] and rate [rad/s] at which endless lines cross corners."""
     step = 1e-3
-    pace = np.full(len(corners), flight.climb / flight.slant_range)
+    climb_rate = np.full(len(corners), flight.climb / flight.slant_range)
     time = np.zeros(len(corners))
     for _ in range(20):  # Newton's method, on nearly straight lines
         along, across = flight.angles_to(corners, time)
-        pace = (across - flight.angles_to(corners, time + step)[1]) / step
+        climb_rate = (across - flight.angles_to(corners, time + step)[1]) / step
         # A ship that drifts across lines tilted by the mirror may move away as fast as they climb.
-        if not (pace > 0.1 * flight.climb / flight.slant_range).all():
+        if not (climb_rate > 0.1 * flight.climb / flight.slant_range).all():
             raise ValueError(
                 f"{name} is {getattr(flight, name):g}, but must be nearer "
                 f"{0 if name == 'offset' else flight.offset:g}: the lines, which the mirror tilts, "
                 f"do not climb a ship that drifts across them at {flight.drift:g} m/s"
             )
-        change = across / pace
+        change = across / climb_rate
         time = time + change
         if np.abs(change).max() < 1e-6:
             break
-    return time, along, pace
+    return time, along, climb_rate
 
 
 def _aim_scan(flight: Flight, corners: Floats) -> Flight:
@@ -157,7 +157,7 @@ def _aim_scan(flight: Flight, corners: Floats) -> Flight:
     middles: list[float] = []
     for _ in range(8):
         aimed = replace(flight, pointing=pointing[len(middles)])
-        _, along, _ = _crossings(aimed, corners, name="offset")
+        _, along, _ = _find_crossings(aimed, corners, name="offset")
         middles.append(float(along.min() + along.max()) / 2)
         if abs(middles[-1]) < flight.ifov / 10:
             break

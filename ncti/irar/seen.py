@@ -78,9 +78,10 @@ class Truth:
         self.near = binary_dilation((bordered != 0).any(axis=0), iterations=2)
 
     def image(self, place: Floats, looks: Looks) -> tuple[Floats, Floats]:
-        """Return the image (channel, row, column) at a place, as `tilt_fit.START`, and slopes.
+        """Return the image (channel, row, column) at a place, and its derivatives by the place.
 
-        Derivatives have a last axis of 6, the parameters of the place.
+        Derivatives have a last axis of 6, the parameters of the place in the order of
+        `tilt_fit.START`.
         """
         image = np.zeros((len(self.cells), looks.count.size))
         slopes = np.zeros((*image.shape, 6))
@@ -105,7 +106,7 @@ def add_looks(
 ) -> None:
     """Add the brightness of looks to the pixels that average them.
 
-    It adds to `means` (channel, pixel) and (channel, pixel, 6), derivatives by `place`. `truth` are
+    `means` are images (channel, pixel) and derivatives by `place` (channel, pixel, 6). `truth` are
     three (channel, row, column) arrays, brightness of the cells, 0 at the border, and its
     change per cell up and to the right, and a (row, column) mask of cells of or next to the ship.
     `scale` is row and column of the truth's centre [cell], and cells per pixel. `place` (6,) is up,
@@ -127,16 +128,16 @@ def add_looks(
         if not near[r, c]:
             continue
         # Brightness by bilinear interpolation, slopes from the nearest cell.
-        beyond_row, beyond_column = truth_row - r, truth_column - c
+        row_fraction, column_fraction = truth_row - r, truth_column - c
         nearest_row, nearest_column = int(np.rint(truth_row)), int(np.rint(truth_column))
         p = pixel[i]
         share = 1.0 / count[p]
         for k in range(len(cells)):
-            low = cells[k, r, c] + beyond_column * (cells[k, r, c + 1] - cells[k, r, c])
-            high = cells[k, r + 1, c] + beyond_column * (
+            low = cells[k, r, c] + column_fraction * (cells[k, r, c + 1] - cells[k, r, c])
+            high = cells[k, r + 1, c] + column_fraction * (
                 cells[k, r + 1, c + 1] - cells[k, r + 1, c]
             )
-            image[k, p] += (low + beyond_row * (high - low)) * share
+            image[k, p] += (low + row_fraction * (high - low)) * share
             d_up = upward[k, nearest_row, nearest_column] * factor * share
             d_right = rightward[k, nearest_row, nearest_column] * factor * share
             slopes[k, p, 0] += d_up

@@ -27,7 +27,8 @@ def noise_threshold(
 
     `looks` (...) is the number of independent looks averaged, dropouts included; `depth` [m] is the
     gate's, `pulse_length` [m] c T / 2; peaks below `dropout` noise powers count as 0; `false_alarm`
-    is the probability. The threshold is in mean noise powers: at least the average of one report.
+    is the probability. The threshold is in mean noise powers, and at least `dropout` / `looks`: the
+    average when one look reports a peak.
 
     A method of this project, as no threshold is published. The sea returns nothing, so a
     peak-detecting sensor reports the largest intensity of its noise there, with the distribution
@@ -42,7 +43,7 @@ def noise_threshold(
         return np.empty(looks.shape)
     from scipy import fft
 
-    share, step = _noise_look(depth, pulse_length, dropout)
+    share, step = _discretise_noise(depth, pulse_length, dropout)
     numbers, place = np.unique(looks, return_inverse=True)
     # Window of the sum about its mean, by Bernstein's inequality. The rest of its distribution
     # wraps around into the window.
@@ -50,9 +51,9 @@ def noise_threshold(
     mean = share @ value
     exponent = _WRAP_EXPONENT - math.log(false_alarm)
     spread = np.sqrt(2 * exponent * numbers * (share @ (value - mean) ** 2))
-    jump = exponent * (1 + mean + min(dropout, value[-1]) / 3)
-    low = np.maximum((numbers * mean - spread - jump) / step, 0).astype(np.intp)
-    width = 2 * float(spread[-1] + jump) / step
+    linear_term = exponent * (1 + mean + min(dropout, value[-1]) / 3)
+    low = np.maximum((numbers * mean - spread - linear_term) / step, 0).astype(np.intp)
+    width = 2 * float(spread[-1] + linear_term) / step
     size = fft.next_fast_len(max(math.ceil(width), len(share)), real=True)
     # Distribution of the sum for each number of looks, in ascending order.
     single = fft.rfft(share, size)
@@ -70,7 +71,7 @@ def noise_threshold(
     return (np.maximum(thresholds, dropout) / numbers)[place].reshape(looks.shape)
 
 
-def _noise_look(
+def _discretise_noise(
     depth: float, pulse_length: float, dropout: float
 ) -> tuple[NDArray[np.float64], float]:
     """Return probabilities of 0, 1, 2 ... steps of one look of noise, (value,), and the step.

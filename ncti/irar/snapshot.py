@@ -51,7 +51,7 @@ class Window:
     columns: int
 
     def padded(self, rows: int, columns: int) -> Window:
-        """Return the window with as many more rows and columns on either side."""
+        """Return the window with `rows` rows and `columns` columns added on either side."""
         return Window(
             self.bottom - rows,
             self.left - columns,

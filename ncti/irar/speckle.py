@@ -1,4 +1,4 @@
-"""Speckle of one detector from line to line: whether successive looks are independent."""
+"""Speckle of one detector, and its correlation from line to line."""
 
 from __future__ import annotations
 

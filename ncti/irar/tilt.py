@@ -159,7 +159,7 @@ def tilts(
     # Brightness in units of the ship's, in the image and in the truth.
     for channel, ship in zip(observed, cells, strict=True):
         averaged = ship.reshape(rows, factor, columns, factor).mean(axis=(1, 3))
-        level, truth_level = _levels(channel, averaged)
+        level, truth_level = _measure_brightness(channel, averaged)
         if not level > 0:
             return _NONE
         channel /= level
@@ -269,12 +269,12 @@ def _saturate(intensity: Floats) -> Floats:
     return positive / (positive + _KNEE)
 
 
-def _levels(observed: Floats, truth: Floats) -> tuple[float, float]:
+def _measure_brightness(observed: Floats, truth: Floats) -> tuple[float, float]:
     """Return the typical brightness of the ship in the image and in the truth.
 
-    In each row it takes the median of the n brightest pixels, where n is the number of ship pixels
-    in the truth; then the median over rows. It does not depend on the ship's place in its row, or
-    on a few faulty lines.
+    Take the median of the n brightest pixels of each row, n the number of ship pixels in the truth,
+    then the median over rows. The result depends neither on the ship's place in its row nor on a
+    few faulty lines.
     """
     count = (truth > (truth**2).sum() / truth.sum() / 2).sum(axis=1)
     rows = np.flatnonzero(count >= min(4, count.max()))

@@ -73,7 +73,7 @@ def fit_place(
             # One linear system for all channels: they share the place, not gain and offset.
             design, misfit, scatter = zip(
                 *(
-                    _equations(
+                    _build_equations(
                         fit, c, observed[c], known[c], model[c], slopes[c], floor, min_scatter
                     )
                     for c in range(channels)
@@ -90,7 +90,7 @@ def fit_place(
     return fit.place, covariance
 
 
-def _equations(
+def _build_equations(
     fit: _Estimate,
     channel: int,
     observed: Floats,
@@ -109,13 +109,13 @@ def _equations(
     residual = observed - gain * model - offset
 
     # Standard deviation up to a factor, the scatter: speckle grows with the model, noise does not.
-    dark = (model == 0) & known
-    around = 1.4826 * np.median(np.abs(residual[dark])) if dark.any() else 0.0
+    is_dark = (model == 0) & known
+    around = 1.4826 * np.median(np.abs(residual[is_dark])) if is_dark.any() else 0.0
     noise = max(floor, around / fit.scatter[channel])
     spread = np.maximum(gain * model + offset, 0.0) + noise
     # The scatter is that of the median residual of the ship's brighter pixels.
-    bright = (model > model.max() / 5) & known
-    scatter = max(1.4826 * float(np.median(np.abs((residual / spread)[bright]))), min_scatter)
+    is_bright = (model > model.max() / 5) & known
+    scatter = max(1.4826 * float(np.median(np.abs((residual / spread)[is_bright]))), min_scatter)
 
     # Tukey's biweight leaves out residuals beyond `_TUKEY` standard deviations.
     unit = residual / (spread * scatter)

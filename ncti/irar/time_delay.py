@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def time_delay_integrate(samples: ArrayLike) -> NDArray[np.float64]:
-    """Return the mean over passive detectors of their samples of the same place.
+    """Average the samples that passive detectors take of the same place.
 
     Parameters
     ----------

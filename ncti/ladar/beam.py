@@ -45,7 +45,7 @@ class Beam:
 
 @dataclass(frozen=True)
 class Signal:
-    """Pulse, carrier and noise of a frame, which are keywords of functions of `ncti.ladar`.
+    """Pulse, carrier and noise of a frame, as keyword arguments of `ncti.ladar` functions.
 
     `pulse_width` is the full width at 1/e^2 of the intensity [s], `cnr` the power ratio of a filled
     IFOV, and `target_free_ifovs` the number of IFOVs in a frame besides the ship's.

@@ -130,7 +130,7 @@ def carrier_to_noise(
 def faintest_ratio(
     size: Sequence[float], *, slant_range: float, ifov: float, target_free_ifovs: int
 ) -> float:
-    """Return the carrier-to-noise ratio below which single precision loses a ship in the floor.
+    """Return the carrier-to-noise ratio below which float32 rounding on the floor hides a ship.
 
     `size` (3,) is length, beam and height [m], `slant_range` [m], `ifov` [rad]; the CNR is a power
     ratio of a filled IFOV. The end of the box around the ship, its area spread over the length L,

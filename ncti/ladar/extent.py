@@ -46,20 +46,21 @@ class RangeExtent:
     slant_range : float
         Distance from sensor to ship origin [m].
     strands : (strand, bin) float64 ndarray
-        Fractions from parts of the samples, summed over IFOVs: sixteen of every sixteenth line,
-        which add up to the sum of `fraction`; of a range image four of every second row and column,
-        each spread in range as an image of pixels twice as wide. Empty without an error estimate.
+        Fractions from subsets of the samples, summed over IFOVs, for the error estimate; empty
+        without one. Lines have sixteen strands, each of every sixteenth line, which add up to the
+        sum of `fraction`. A range image has four, each of every second row and column, spread in
+        range like an image with pixels twice as wide.
     line_count : int
         Lines across the ship; 0 if made from a range image.
     shift : (float, float)
         Position of the ship origin, right and up from the lower left corner of cell (0, 0) [IFOV].
     far_field_error : float
-        Bound on the error of having drawn the far field at this range, as of
-        `ncti.render.far_field_error`; 0 if drawn at the slant range.
+        Bound on the error of the far-field approximation at this range, from
+        `ncti.render.far_field_error`; 0 if the image was drawn at the slant range.
 
     See Also
     --------
-    range_extent : The function that makes it.
+    range_extent : Compute it from an image.
     expected_profile : Closed-form profile of an extent.
     sample_frames : Random frames of an extent.
 
@@ -121,8 +122,8 @@ class RangeExtent:
         frequencies below that of the lines (`ncti.ladar.sampling.sampling_error`), pixels by the
         differences between images of a quarter of them (`ncti.ladar.sampling.pixel_error`).
         The bound holds in 97 of 100 views and is twice the error in the median.
-        `far_field_error` is added: the whole is the error at the slant range, also of a view that
-        was drawn in the far field.
+        `far_field_error` is added, so that the bound holds at the slant range even for a view drawn
+        in the far field.
         """
         if not len(self.strands):
             return math.nan
@@ -157,18 +158,18 @@ class RangeExtent:
         )
 
     def packed(self) -> dict[str, Any]:
-        """Return its attributes as arrays for `unpacked`, without empty bins.
+        """Return the attributes as arrays for `unpacked`, without the empty bins at either end.
 
         Returns
         -------
         dict of str to ndarray or number
-            The attributes by name, `fraction` and `strands` from the first to the last bin that
-            holds something, and the number of that first bin, `begin`. Of a ship in a window of
-            250 m they take a fifth.
+            The attributes by name. `fraction` and `strands` are cut to the bins from the first to
+            the last that is not empty, and `begin` is the index of the first. For a ship in a
+            window of 250 m they take a fifth of the space.
 
         See Also
         --------
-        unpacked : The way back.
+        unpacked : Inverse of this method.
         """
         rows = [array.any(axis=0) for array in (self.fraction, self.strands) if len(array)]
         filled = np.flatnonzero(np.any(rows, axis=0))
@@ -184,7 +185,7 @@ class RangeExtent:
     def unpacked(
         cls, *, fraction: Floats, strands: Floats, down_range: Floats, begin: int, **others: Any
     ) -> RangeExtent:
-        """Return the extent that was packed, bit for bit.
+        """Rebuild an extent from the arrays of `packed`, bit for bit.
 
         Parameters
         ----------
@@ -304,8 +305,8 @@ def range_extent(
 
     Examples
     --------
-    A deck of 40 m x 10 m, 10 m high, seen 30 degrees from above. Its projected area is that of
-    the deck, times sin 30, and of the near face, times cos 30, over 225 m^2 for each IFOV:
+    A deck of 40 m x 10 m, 10 m high, seen 30 degrees from above. The fractions sum to its projected
+    area, deck times sin 30 plus near face times cos 30, over the 225 m^2 of an IFOV:
 
     >>> import math
     >>> import trimesh
@@ -379,8 +380,8 @@ def _bin_pixels(
 ) -> tuple[NDArray[np.int64], Floats, Floats, float]:
     """Return IFOVs, their fractions and the strands of a range image, and its reach [m].
 
-    It spreads pixels over boxes in range, sorts them into IFOVs and bins them; for the error
-    estimate, it also bins every second row and column as an image of pixels twice as wide.
+    Spread pixels over boxes in range, sort them into IFOVs and bin them. For the error estimate,
+    also bin every second row and column as an image with pixels twice as wide.
     """
     from ncti.ladar import pixels
 

@@ -35,17 +35,17 @@ class Speckle(NamedTuple):
     def of(
         cls, extent: RangeExtent, *, pulse_width: float, cnr: float, target_free_ifovs: int = 0
     ) -> Speckle:
-        """Return the speckle of a view, for each bin as far as it exceeds the rounding of noise."""
+        """Return the speckle of a view, responses cut off where noise rounding exceeds them."""
         pulse = Pulse(pulse_width, extent.bin_width)
         bins = extent.down_range.size
         response = _response(pulse, bins)
         density = extent.density
         (occupied,) = density.reshape(-1).nonzero()
         amplitude = np.sqrt(cnr * density.take(occupied)).astype(np.float32)
-        negligible = NEGLIGIBLE_FIELD * math.sqrt(noise_by_lag(pulse, 1)[0])
+        min_field = NEGLIGIBLE_FIELD * math.sqrt(noise_by_lag(pulse, 1)[0])
         # The response falls with the lag: the reach is the number of lags above a bin's threshold.
         with np.errstate(divide="ignore"):
-            relative = negligible / amplitude
+            relative = min_field / amplitude
         reach = bins - response[:bins].searchsorted(relative, side="right")
         ifovs = len(density)
         first = np.searchsorted(occupied, bins * np.arange(ifovs + 1 + target_free_ifovs))
@@ -62,7 +62,7 @@ def _response(pulse: Pulse, bin_count: int) -> NDArray[np.float32]:
 
 
 class Noise(NamedTuple):
-    """Factor of the filtered noise: rows even and odd about the middle of the window.
+    """Factor of the covariance of filtered noise: rows even and odd about the window's middle.
 
     Products with the two halves take half the multiplications of the full product.
     """
@@ -81,9 +81,9 @@ class Noise(NamedTuple):
 class Waveforms:
     """Detector outputs |l| of IFOVs, computed in reused memory.
 
-    An IFOV has its own stream of normals in each frame, keyed by its cell. They come in pairs, one
-    normal per quadrature: the pair of the speckle of a bin has the number of the bin, and pairs of
-    the noise follow.
+    In each frame, each IFOV draws normals from a stream keyed by its cell. They come in pairs, one
+    normal per quadrature: pair n is the speckle of bin n, and the pairs of the noise follow the
+    last bin.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Waveforms:
         for start in range(0, ifovs, IFOVS_AT_ONCE):
             stop = min(start + IFOVS_AT_ONCE, ifovs)
             quadratures = 2 * (stop - start)
-            # Arrays are contiguous for the last IFOVs too, as the loops are compiled only for that.
+            # The compiled loops need contiguous arrays, so slice flat buffers for the last IFOVs.
             even_normals, odd_normals, even, odd = (
                 buffer[: frames * quadratures * size].reshape(frames, quadratures, size)
                 for buffer, size in zip(self.halves, self.sizes, strict=True)
@@ -117,8 +117,8 @@ class Waveforms:
             draw_run(key, streams, noise.bins, even_normals)
             draw_run(key, streams, noise.bins + len(noise.even), odd_normals)
             begin = target.first[start : stop + 1]
-            scattered = np.empty((frames, 2, begin[-1] - begin[0]), dtype=np.float32)
-            draw_places(key, streams, begin, target.occupied, scattered)
+            speckle_normals = np.empty((frames, 2, begin[-1] - begin[0]), dtype=np.float32)
+            draw_places(key, streams, begin, target.occupied, speckle_normals)
             # One product per frame, so that no frame depends on the number of frames.
             np.matmul(even_normals, noise.even, out=even)
             np.matmul(odd_normals, noise.odd, out=odd)
@@ -126,7 +126,7 @@ class Waveforms:
             magnitude = magnitude.reshape(frames, stop - start, noise.bins)
             put_magnitudes(
                 (even, odd),
-                scattered,
+                speckle_normals,
                 begin,
                 (target.occupied, target.amplitude, target.reach),
                 target.response,

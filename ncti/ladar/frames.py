@@ -88,10 +88,10 @@ def sample_frames(
     of the window (see `ncti.ladar.fields.Noise`), which halves the products, and the target is
     added only within the reach of the pulse.
 
-    A normal is named by its frame, the cell of its IFOV and its range bin (`ncti.normals`), so
-    views that nearly agree have nearly equal frames, whichever bins and IFOVs the ship occupies in
-    one of them alone. Fewer frames from an equal generator are the first of more, bit for bit: the
-    number of rows of a matrix product does not depend on the number of frames.
+    Each normal is keyed by its frame, the cell of its IFOV and its range bin (`ncti.normals`), so
+    similar views have similar frames, even if the ship occupies some bins and IFOVs in only one of
+    them. With an equal generator, N frames are the first N of any longer run, bit for bit, because
+    the number of rows of a matrix product does not depend on the number of frames.
 
     References
     ----------
@@ -187,24 +187,24 @@ def frame_blocks(
     frame_count, target_free_ifovs = int(frame_count), int(target_free_ifovs)
     bins = extent.down_range.size
     pulse = Pulse(pulse_width, extent.bin_width)
-    as_sum = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
+    is_gaussian = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
     from ncti.ladar.waveforms import accumulate_frames
     from ncti.normals import draw_key
 
     noise = Noise.of(pulse, bins)
-    singles = 0 if as_sum else target_free_ifovs
+    singles = 0 if is_gaussian else target_free_ifovs
     speckle = Speckle.of(extent, pulse_width=pulse_width, cnr=cnr, target_free_ifovs=singles)
     detected = partial(detect, receiver=receiver, false_alarm=false_alarm)
     detected(np.zeros((0, bins), dtype=np.float32))  # checks its parameters
-    level = target_free_ifovs * noise_floor() if as_sum else 0.0
+    level = target_free_ifovs * noise_floor() if is_gaussian else 0.0
     key = draw_key(rng)
-    elsewhere = np.stack([np.arange(singles), np.full(singles, TARGET_FREE_ROW)], axis=1)
-    cell = np.concatenate([extent.cell, elsewhere])
+    target_free_cells = np.stack([np.arange(singles), np.full(singles, TARGET_FREE_ROW)], axis=1)
+    cell = np.concatenate([extent.cell, target_free_cells])
 
     def blocks() -> Iterator[NDArray[np.float64]]:
         """Yield the blocks, from normals and waveforms in reused memory."""
         waveforms = Waveforms(noise, speckle, key=key, cell=cell)
-        floor = _TargetFreeNoise(pulse, bins, key) if as_sum else None
+        floor = _TargetFreeNoise(pulse, bins, key) if is_gaussian else None
         for first in range(0, frame_count, ROWS_AT_ONCE):
             block = np.full((min(ROWS_AT_ONCE, frame_count - first), bins), level)
             if floor:

@@ -9,13 +9,13 @@ from ncti.ladar.frames import sample_frames
 from ncti.machine_code import CompiledLoops
 
 
-def _sample() -> None:
+def _compile_frames() -> None:
     """Sample one small frame, which compiles its loops for the types that sweeps use."""
-    nowhere, rng = no_return(20.0, 1.0), np.random.default_rng(0)
-    sample_frames(nowhere, pulse_width=3e-8, cnr=1.0, frame_count=1, rng=rng, target_free_ifovs=1)
+    no_ship, rng = no_return(20.0, 1.0), np.random.default_rng(0)
+    sample_frames(no_ship, pulse_width=3e-8, cnr=1.0, frame_count=1, rng=rng, target_free_ifovs=1)
 
 
-def _bin() -> None:
+def _compile_boxes() -> None:
     """Bin one box, which compiles its loop."""
     from ncti.ladar.pixels import bin_boxes
 
@@ -23,7 +23,7 @@ def _bin() -> None:
     bin_boxes(np.zeros(1, np.intp), unit, unit, unit, 1, 4)
 
 
-BOXES = CompiledLoops("range extents", ("ladar.pixels.bin_boxes",), _bin)
+BOXES = CompiledLoops("range extents", ("ladar.pixels.bin_boxes",), _compile_boxes)
 
 FRAMES = CompiledLoops(
     "sampled frames",
@@ -32,5 +32,5 @@ FRAMES = CompiledLoops(
         "ladar.waveforms.put_magnitudes",
         "ladar.waveforms.accumulate_frames",
     ),
-    _sample,
+    _compile_frames,
 )

@@ -159,9 +159,9 @@ def banded_frame_moments(
 
         exp(-2 l^2 / N_z^2) T(n + l/2),   T(c) = CNR sum_k beta(k) exp(-8 (c - k)^2 / N_z^2) / N_z,
 
-    one product with the kernel of T at half bins. Neglected are lags with a covariance below
-    NEGLIGIBLE times the variance of one target-free IFOV. Where the target adds less than
-    NEGLIGIBLE of its noise to an IFOV, the covariance is that of the noise.
+    one product with the kernel of T at half bins. Lags with a covariance below NEGLIGIBLE times the
+    variance of one target-free IFOV are dropped. Where the target adds less than NEGLIGIBLE of an
+    IFOV's noise, the covariance is the noise covariance.
 
     References
     ----------
@@ -209,10 +209,10 @@ def banded_frame_moments(
 
     # Every lag: the floor's covariance times the number of IFOVs, plus the excess of the pairs of
     # bins that a target reaches, in blocks of lags to bound the memory.
-    at_once = max(1, PLACES_AT_ONCE // max(1, live.size))
-    for first in range(1, lags, at_once):
-        last = min(first + at_once, lags)
-        lag, ifov, n = _live_pairs(live, first, last)
+    lags_per_block = max(1, PLACES_AT_ONCE // max(1, live.size))
+    for first in range(1, lags, lags_per_block):
+        last = min(first + lags_per_block, lags)
+        lag, ifov, n = _target_pairs(live, first, last)
         index = ifov * bins + n
         scale = sigma.take(index) * sigma.take(index + lag)
         field = decay.take(lag) * power.take(2 * index - ifov + lag) + noise.take(lag)
@@ -250,7 +250,7 @@ def floor_reach(pulse: Pulse) -> int:
     return math.ceil(pulse.n_t * math.sqrt(-math.log(NEGLIGIBLE)) / 2)
 
 
-def _live_pairs(
+def _target_pairs(
     live: NDArray[np.bool_], first: int, last: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Return lag, IFOV and bin n of all pairs of bins n, n + lag with a target in either.
@@ -272,11 +272,11 @@ def _bracket(m: Floats) -> Floats:
 
     m = np.minimum(m, 1.0)
     bracket: Floats = (math.pi / 2) * m * (1 / 4 + m * (1 / 64 + m / 256))
-    large = m >= 0.01
-    m = m[large]
+    is_large = m >= 0.01
+    m = m[is_large]
     with np.errstate(invalid="ignore"):  # 0 * inf at m = 1, where the product tends to 0
         k_term = np.where(m < 1.0, (1 - m) * ellipk(m), 0.0)
-    bracket[large] = 2 * ellipe(m) - k_term - math.pi / 2
+    bracket[is_large] = 2 * ellipe(m) - k_term - math.pi / 2
     return bracket
 
 

@@ -36,7 +36,7 @@ def boxes(
     slope = image.gradient[hit].astype(np.float64)
     area = np.full(len(slope), (image.pixel / side) ** 2)
     if lambertian:
-        # Slopes are by metres at the range of the ship origin, incidence by those at the pixel.
+        # Slopes are per metre at the range of the ship origin; incidence needs metres at the pixel.
         near = 1.0 + image.down_range[hit] / (image.slant_range or np.inf)
         area /= np.sqrt(1 + (slope[:, 0] ** 2 + slope[:, 1] ** 2) / near**2)
     return area, spread * image.pixel * (np.abs(slope[:, 0]) + np.abs(slope[:, 1])) / 2

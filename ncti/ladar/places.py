@@ -8,7 +8,7 @@ IfovOffset = tuple[float, float]  # right and up [cell]
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
 
 TEMPLATE_PLACES = 8
-"""Places per view of templates of the likelihood: at 100 km more improve no score."""
+"""Positions per view of likelihood templates; at 100 km, more do not improve any score."""
 
 
 def spread_place(number: int) -> IfovOffset:
@@ -17,12 +17,12 @@ def spread_place(number: int) -> IfovOffset:
     Parameters
     ----------
     number : int
-        Number of the place, from 0. The first is the corner itself.
+        Index of the position; 0 is the corner.
 
     Returns
     -------
     right, up : float
-        In [0, 1). Those of the numbers 0, 1, ... are evenly spread, however many there are.
+        In [0, 1). The first n positions are evenly spread for any n.
 
     See Also
     --------

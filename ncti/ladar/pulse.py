@@ -20,7 +20,7 @@ MIN_BINS = 2.0
 
 # Outside these limits [s] the square of N_z leaves float64.
 MIN_PULSE_WIDTH, MAX_PULSE_WIDTH = 1e-15, 1.0
-REMAINDER = 0.1  # share of the tolerance of eigenvalues that their decomposition may leave out
+REMAINDER = 0.1  # share of the eigenvalue tolerance that the truncated Cholesky may discard
 MAX_KERNEL_BINS = 2**14  # bins of a profile; its (bin, bin) kernel then takes 2 GB
 
 
@@ -63,7 +63,7 @@ class Pulse:
 def target_response(pulse: Pulse) -> NDArray[np.float64]:
     """Return the field response to one scatterer over the (bin,) range bins around it.
 
-    It is a row of `target_kernel` where that is above exp(-16) of its peak, in the middle bin.
+    This is a row of `target_kernel`, cut at exp(-16) of its peak, which is in the middle bin.
     """
     reach = math.ceil(2 * pulse.n_z)
     response: NDArray[np.float64] = np.exp(-4 * np.arange(-reach, reach + 1) ** 2 / pulse.n_z**2)
@@ -160,12 +160,12 @@ def mirrored_factors(
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the even and odd rows of a factor F of a stationary covariance F' F, by halves.
 
-    `by_lag` (bin,) is the covariance by lag, as of `noise_by_lag`. Both results are (rank, half)
-    rows over the lower half of the window, a middle bin included, which is 0 in odd ones; the upper
-    half mirrors them, negated if odd. A stationary covariance is symmetric about the middle of the
-    window, so its eigenvectors are even or odd. The matched filter limits the band: the noise of
-    250 bins of 1 m has some 500 sqrt(2 ln(1/tolerance)) / (pi N_t) degrees of freedom, far fewer
-    than bins.
+    `by_lag` (bin,) is the covariance by lag, from `noise_by_lag`. Both results have rows
+    (rank, half) over the lower half of the window, including any middle bin, which is 0 in odd
+    rows; the upper half mirrors them, negated if odd. A stationary covariance is symmetric about
+    the middle of the window, so its eigenvectors are even or odd. The matched filter limits the
+    band: the noise of 250 bins of 1 m has some 500 sqrt(2 ln(1/tolerance)) / (pi N_t) degrees of
+    freedom, far fewer than bins.
     """
     bins = by_lag.size
     half = np.arange((bins + 1) // 2)
@@ -180,11 +180,11 @@ def mirrored_factors(
 def low_rank_factor(covariance: NDArray[np.float64], *, tolerance: float) -> NDArray[np.float32]:
     """Return a (rank, bin) factor F of a (bin, bin) covariance F' F without negligible eigenvalues.
 
-    Those up to `tolerance` times the largest are dropped. A pivoted Cholesky decomposition L L'
-    stops at a rank near that of F, and the eigenvectors of the small matrix L' L rotate L to F: n
-    r^2 steps for rank r of n bins instead of 10 n^3. The sign of an eigenvector, arbitrary in
-    LAPACK, makes its sum over bins, weighted by 1 / (bin + 1), positive here, so that the same
-    random numbers make the same noise when a pulse width changes by rounding. Read-only.
+    Drop eigenvalues up to `tolerance` times the largest. A pivoted Cholesky decomposition L L'
+    stops at a rank near the rank of F, and the eigenvectors of the small matrix L' L rotate L to F:
+    n r^2 steps for rank r of n bins instead of 10 n^3. LAPACK leaves the sign of an eigenvector
+    arbitrary; here its sum over bins, weighted by 1 / (bin + 1), is made positive, so that the same
+    random numbers give the same noise when a pulse width changes by rounding. Read-only.
     """
     from scipy.linalg.lapack import dpstrf
 

@@ -42,12 +42,12 @@ def sampling_error(
 
         0.95 (1 + (34/n)^2) a (a n^1.6)^-0.148.
 
-    The last factor draws a towards that of a typical ship, which falls as n^-1.6, and the first
-    allows for few lines that agree by chance. Quantile regressions on true errors gave the
-    constants, also on errors of extents within tolerances, since adding lines until a bound is
-    small enough favours bounds that are too small; docs/accuracy.md judges them in other views. The
-    logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after long pulses:
-    the phase of the harmonics at 1/d depends on where the lines lie.
+    The last factor shrinks a towards the value for a typical ship, which falls as n^-1.6; 1 +
+    (34/n)^2 allows for few lines that agree by chance. The constants come from quantile regressions
+    on true errors, including errors of extents refined to a tolerance, since adding lines until a
+    bound is small enough favours bounds that are too small; docs/accuracy.md tests them in other
+    views. The logarithm of the error scatters about any such estimate by 0.25 to 0.45, most after
+    long pulses: the phase of the harmonics at 1/d depends on where the lines lie.
     """
     if line_count < 1:
         return math.nan
@@ -67,11 +67,12 @@ def pixel_error(strands: Floats, extent: Floats, pulse_width: float, *, bin_widt
 
         0.6 sum sqrt(mean over k of (4 s_k - p)^2) / sum p.
 
-    The sum estimates the error of pixels twice as wide. Errors fall as the pixel to the power of
-    some 1.5, and that of spreading pixels in range, which all strands share, as fast or faster, so
-    that the error of all pixels is a third of it in the median. Its scatter depends on where the
-    pixels lie: 98 of 100 are within 0.6 of it, for pixels of 0.09 to 1.4 m and spreads of 0 to 1,
-    in the views that the factor was set on. docs/accuracy.md judges it by others.
+    The sum estimates the error of pixels twice as wide. Errors fall roughly as the pixel size to
+    the power of 1.5, and the error of spreading pixels in range, which all strands share, at least
+    as fast, so the median error of all pixels is a third of the sum. The error scatters with the
+    positions of the pixels: 98 of 100 errors are within 0.6 of the sum, for pixels of 0.09 to 1.4 m
+    and spreads of 0 to 1, in the views from which the factor was set. docs/accuracy.md validates it
+    on others.
     """
     total = float(extent.sum())
     if not total > 0:
@@ -91,9 +92,9 @@ def magnitude(strands: Floats, pulse_width: float, *, bin_width: float) -> float
     if not total > 0:
         return math.nan
     occupied = np.flatnonzero(strands.any(axis=0))
-    waves = _WAVES @ strands[:, occupied[0] : occupied[-1] + 1]
-    waves, gain = _after_pulse(waves, pulse_width, bin_width)
-    return float(np.abs(waves).sum()) / (len(HARMONICS) * (total * gain))
+    fourier_sums = _FOURIER_ROWS @ strands[:, occupied[0] : occupied[-1] + 1]
+    fourier_sums, gain = _after_pulse(fourier_sums, pulse_width, bin_width)
+    return float(np.abs(fourier_sums).sum()) / (len(HARMONICS) * (total * gain))
 
 
 def _after_pulse(
@@ -111,4 +112,4 @@ def scarcity(line_count: int) -> float:
     return 1.0 + (FEW_LINES / line_count) ** 2
 
 
-_WAVES = np.exp(-2j * np.pi * np.outer(HARMONICS, np.arange(STRANDS)) / STRANDS)
+_FOURIER_ROWS = np.exp(-2j * np.pi * np.outer(HARMONICS, np.arange(STRANDS)) / STRANDS)

@@ -91,13 +91,13 @@ def lines_within(
 
     Notes
     -----
-    Lines that are t apart err typically by a share of (t / t0)^1.6. The first spacing follows from
+    The relative error of lines t apart is typically (t / t0)^1.6. The first spacing follows from
     the tolerance, the extents of the ship in the view and the resolution in range: four views of
-    five need no more lines. In the others the number by which the spacing is divided follows from
-    the bound. Lines are kept, and only those between them are added. The bound has to be within
-    0.7 of the tolerance, because a few bounds are too small: of 5,600 errors, none exceeded its
-    tolerance then, and four did with 0.85. The tolerance holds at the view's range; an image of the
-    far field has the error `ncti.render.far_field_error` besides at any finite range.
+    five need no more lines. In the others, the bound determines the divisor of the spacing;
+    existing lines are kept, and only those between them are drawn. The bound must be within 0.7 of
+    the tolerance, because a few bounds are too small: of 5,600 errors, none then exceeded its
+    tolerance, and four did with 0.85. The tolerance holds at the view's range; at any finite range
+    a far-field image has the additional error `ncti.render.far_field_error`.
 
     Examples
     --------
@@ -158,7 +158,7 @@ def extent_within(
     Returns
     -------
     RangeExtent
-        As `range_extent` of the image that `lines_within` returns, up to rounding.
+        Equal to `range_extent` of the image from `lines_within`, up to rounding.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def extent_within(
     See Also
     --------
     lines_within : The lines themselves.
-    range_extent : The extent of a view that is there.
+    range_extent : Range extent of an existing image.
     RangeExtent.error_after : The bound.
 
     Notes
@@ -232,7 +232,7 @@ def _refine_to_tolerance(
     while True:
         extent = bin_lines(lines)
         error = sampling_error(extent.strands, lines.count, pulse_width, bin_width=bin_width)
-        factor = _factor(lines, error, goal)
+        factor = _spacing_divisor(lines, error, goal)
         if not factor:
             return lines, extent
         lines = refined(mesh, lines, factor)
@@ -256,12 +256,12 @@ def first_spacing(mesh: Mesh, view: View, *, tolerance: float, resolution: float
     return float(f"{max(min(typical, across / MIN_LINES), MIN_SPACING):.2g}")
 
 
-def _factor(lines: LineImage, error: float, goal: float) -> int:
+def _spacing_divisor(lines: LineImage, error: float, goal: float) -> int:
     """Return the number to divide the spacing by; 0 if the lines suffice or are the finest."""
     max_factor = math.floor(lines.spacing / MIN_SPACING * (1 + 1e-9))
     if (error <= goal and lines.count >= MIN_LINES) or max_factor < 2:
         return 0
     factor = MIN_LINES / lines.count if lines.count else 2.0
-    if error > goal:  # and falls, also because there will be more lines
+    if error > goal:  # scarcity tends to 1 as lines are added
         factor = max(factor, (error / scarcity(lines.count) / goal) ** (1 / EXPONENT))
     return max(math.ceil(min(factor, max_factor)), 2)

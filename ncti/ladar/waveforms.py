@@ -36,7 +36,7 @@ def put_magnitudes(
     for frame in range(out.shape[0]):
         for ifov in range(out.shape[1]):
             for q in range(2):
-                _put_noise(even[frame, 2 * ifov + q], odd[frame, 2 * ifov + q], field[q])
+                _write_noise(even[frame, 2 * ifov + q], odd[frame, 2 * ifov + q], field[q])
             start, stop = first[ifov], first[ifov + 1]
             normal_real = normals[frame, 0, start - first[0] :]
             normal_imag = normals[frame, 1, start - first[0] :]
@@ -46,15 +46,15 @@ def put_magnitudes(
             for place in range(start, stop, 2):
                 pair = min(place + 1, stop - 1)
                 place_bin, pair_bin = occupied[place], occupied[pair]
-                size, size_pair = amplitude[place], amplitude[pair] * np.float32(pair - place)
+                size, pair_size = amplitude[place], amplitude[pair] * np.float32(pair - place)
                 a, b = normal_real[place - start] * size, normal_imag[place - start] * size
-                c, d = normal_real[pair - start] * size_pair, normal_imag[pair - start] * size_pair
+                c, d = normal_real[pair - start] * pair_size, normal_imag[pair - start] * pair_size
                 low = max(0, min(place_bin - reach[place], pair_bin - reach[pair]) + 1)
                 high = min(bins, max(place_bin + reach[place], pair_bin + reach[pair]))
                 shape = response[bins - 1 - place_bin + low : bins - 1 - place_bin + high]
-                shape_pair = response[bins - 1 - pair_bin + low : bins - 1 - pair_bin + high]
-                _add_pair(real[low:high], shape, shape_pair, a, c)
-                _add_pair(imag[low:high], shape, shape_pair, b, d)
+                pair_shape = response[bins - 1 - pair_bin + low : bins - 1 - pair_bin + high]
+                _add_pair(real[low:high], shape, pair_shape, a, c)
+                _add_pair(imag[low:high], shape, pair_shape, b, d)
             # Magnitude of the two quadratures.
             magnitude = out[frame, ifov]
             for n in range(bins):
@@ -62,7 +62,7 @@ def put_magnitudes(
 
 
 @compiled
-def _put_noise(even: Singles, odd: Singles, field: Singles) -> None:
+def _write_noise(even: Singles, odd: Singles, field: Singles) -> None:
     """Write the noise of one quadrature to `field` (bin,).
 
     Sum and difference of its even and odd part (half,) are the lower half of the window and the
@@ -78,11 +78,11 @@ def _put_noise(even: Singles, odd: Singles, field: Singles) -> None:
 
 @compiled
 def _add_pair(
-    field: Singles, shape: Singles, shape_pair: Singles, size: np.float32, size_pair: np.float32
+    field: Singles, shape: Singles, pair_shape: Singles, size: np.float32, pair_size: np.float32
 ) -> None:
     """Add the responses of two scatterers, times their sizes, to the field around them."""
     for n in range(shape.size):
-        field[n] += size * shape[n] + size_pair * shape_pair[n]
+        field[n] += size * shape[n] + pair_size * pair_shape[n]
 
 
 @compiled

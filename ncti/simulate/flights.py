@@ -46,12 +46,12 @@ def flight(
     slant_range : float
         Aircraft to ship origin in the snapshot [m].
     correction : ncti.irar.Correction, optional
-        How the scan is corrected; exactly, when not given.
+        Methods of correction; the exact ones when not given.
     rng : int or numpy.random.Generator
         Seed, or source of randomness.
     **parameters
-        Other parameters of `ncti.irar.Flight`, as depression, aircraft_speed, jitter; in place of
-        its `cnr`, a power ratio, `cnr_db` [dB]. The heading of the ship follows from the aspect.
+        Other parameters of `ncti.irar.Flight`, such as depression, aircraft_speed and jitter, with
+        `cnr_db` [dB] instead of `cnr`, a power ratio. The ship's heading follows from the aspect.
 
     Returns
     -------

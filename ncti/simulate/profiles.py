@@ -99,10 +99,10 @@ def range_profile(
         Carrier-to-noise ratio of a filled IFOV [dB]; when not given,
         `ncti.ladar.carrier_to_noise` at the slant range, 32 dB at 100 km.
     target_free_ifovs : int
-        IFOVs without target that each frame accumulates besides.
+        Target-free IFOVs that each frame also accumulates.
     rng : int or numpy.random.Generator
-        Seed, from which each aspect has a stream of its own, or source of randomness. The stream
-        is the same for every ship: give each its seed where their noise must be independent.
+        Source of randomness, or a seed, which gives each aspect a separate stream. Streams are the
+        same for every ship: use a different seed for each ship if their noise must be independent.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def range_profile(
         has `ncti.ladar.noise_floor()`. The coordinate `expected`, of the same dimensions, is the
         expected profile less the same floor. Attributes: `error_bound`, the largest over aspects,
         and `accuracy_reached`, "yes" if it is within `accuracy`, else "no", beside the settings.
-        The bound is an estimate: one or two views in a thousand are called accurate and are not.
+        The bound is an estimate: one or two views in a thousand report "yes" wrongly.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def range_profile(
     --------
     infrared_image : The ship as the passive sensor sees it.
     ncti.ladar.sample_frames : The frames one by one.
-    ncti.ladar.extent_within : Range extents as accurate as asked for.
+    ncti.ladar.extent_within : Range extents of a given accuracy.
     ncti.features.profile_vector : The profile as classifiers take it.
 
     Notes
@@ -236,7 +236,7 @@ def _check_fits(mesh: Mesh, views: Sequence[View], beam: Beam, pulse_width: floa
     """Raise `ValueError` if a ship does not fit into the window, or its IFOVs into memory."""
     check_window(beam.window, mesh, pulse_width=pulse_width)
     for view in views:
-        level = replace(view, roll=0.0)  # as IFOVs are
+        level = replace(view, roll=0.0)  # IFOVs are not rolled
         _check_memory(mesh, level, beam.ifov, bins_of(beam.window, beam.bin_width)[1])
 
 

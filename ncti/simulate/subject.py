@@ -23,7 +23,7 @@ Ship = Any
 """A name of `ncti.ships.names()`, the path of a sheet or mesh, or a mesh in the ship frame."""
 
 CACHED_SHIPS = 8
-"""Ships kept: the packaged ones and two of the user's, as of `ncti.render`."""
+"""Number of cached ships: the packaged ones and two of the user's, as in `ncti.render`."""
 
 SPACING = 0.25
 """Largest distance between lines of a view [m], equal to the pixel of sweeps."""
@@ -58,8 +58,8 @@ def check_known(given: Iterable[str], known: Iterable[str], kind: str) -> None:
 def read_ship(ship: Ship) -> Mesh:
     """Return the mesh of a ship, which is a name, a path, or the mesh itself.
 
-    Meshes of names and paths are cached by the content of their files. Callers of this package must
-    not get them, as they might change them.
+    Meshes of names and paths are cached by the content of their files. Never
+    return them to users, who might modify them.
     """
     if isinstance(ship, str | Path):
         return _load_mesh(ship, digest(ship))
@@ -85,7 +85,7 @@ def read_trimesh(ship: Ship) -> trimesh.Trimesh:
 
 @lru_cache(maxsize=CACHED_SHIPS)
 def _load_mesh(ship: str | Path, digest: str) -> ShipMesh:
-    """Return the mesh of a name or path whose content has a digest."""
+    """Return the mesh of a name or path; the digest of its content keys the cache."""
     return ship_mesh(ship)
 
 
@@ -116,7 +116,7 @@ def coordinates(mesh: Mesh, *, aspect: Any, **single: float) -> dict[str, Any]:
 def roll_at(aspect: float) -> float:
     """Return the roll of the lines [deg], mirrored for views of the starboard side.
 
-    A ship whose sides are alike then has equal views from both.
+    A symmetric ship then has equal views from both sides.
     """
     return ROLL if aspect % 360 <= 180 else -ROLL
 

@@ -41,18 +41,19 @@ REQUESTS = 16  # requests under way
 Version = dict[str, str]
 """Version of an object of a bucket, as its server numbers them."""
 
-One = TypeVar("One")
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_NUMBER = re.compile(r"\(os error (\d+)\)")
+_OS_ERROR_NUMBER = re.compile(r"\(os error (\d+)\)")
 
 
 def open_store(
     path: PathOrUrl, *, create: bool = False, mode: int = PUBLIC_MODE, remove_empty: bool = True
 ) -> ObjectStore:
-    """Return the obstore of a path; a missing folder is empty, or made with `create`.
+    """Return the obstore of a path; with `create`, make a missing folder, else treat it as empty.
 
-    With `remove_empty`, folders that become empty are removed, which no other process may write.
+    With `remove_empty`, the store removes folders that become empty; then no other process may
+    write to them.
     """
     if isinstance(path, str):
         return from_url(path, retry_config={"max_retries": RETRIES})
@@ -77,9 +78,10 @@ def ensure_folder(path: Path, mode: int) -> None:
 def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]:
     """Translate obstore errors into OSErrors with a message of one line.
 
-    Its number is the operating system's if that is known, else EIO, or `UNREACHABLE` for a bucket.
-    A server's message is cut after its status, since it may repeat a key. Raises FileNotFoundError
-    if the object is absent, and ENXIO if the `whole` path is absent.
+    The errno is the operating system's if the message has one, EACCES if access is denied, else
+    EIO for a folder and `UNREACHABLE` for a bucket. Cut a server's message after its status, since
+    the rest may repeat a key. If something is absent, raise FileNotFoundError, or ENXIO if `whole`
+    says that it is the whole folder or bucket.
     """
     try:
         yield
@@ -92,7 +94,7 @@ def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]
         raise
     except BaseError as error:
         line = str(error).partition("\n")[0]
-        if number := _NUMBER.search(line):
+        if number := _OS_ERROR_NUMBER.search(line):
             code = int(number[1])
             raise OSError(code, os.strerror(code), str(path)) from None
         denied = isinstance(error, PermissionDeniedError | UnauthenticatedError)
@@ -103,8 +105,9 @@ def translated_errors(path: PathOrUrl, *, whole: bool = False) -> Iterator[None]
 
 @contextmanager
 def world_readable() -> Iterator[None]:
-    """Create files that others may read, unless the umask forbids it, and never write."""
-    # Reading the mask sets it: to the strictest, since other threads may make private files now.
+    """Create files that others may read, unless the umask forbids it, but not write."""
+    # os.umask can only read the mask by setting it. Set the strictest meanwhile, since other
+    # threads may be creating private files.
     before = os.umask(0o077)
     os.umask(before | 0o022)
     try:
@@ -148,9 +151,8 @@ class Objects:
 
     def read_range(self, name: str, begin: int, end: int) -> memoryview:
         """Return a range of bytes, cut at the end; FileNotFoundError if the object is absent."""
-        if isinstance(
-            self.path, Path
-        ):  # takes a sixth of obstore's time, which uses another thread
+        # Reading a file here takes a sixth of the time of obstore, which uses another thread.
+        if isinstance(self.path, Path):
             with open(f"{self.path}/{name}", "rb", buffering=0) as file:
                 size = os.fstat(file.fileno()).st_size
                 return memoryview(os.pread(file.fileno(), max(min(end, size) - begin, 0), begin))
@@ -176,9 +178,10 @@ class Objects:
             return None
 
     def put_if(self, name: str, content: bytes, version: Version | None) -> Version | None:
-        """Write an object of a bucket if its version is unchanged; None means absent.
+        """Write an object of a bucket if it still has `version`; None means that it is absent.
 
-        Returns the new version, or None if the version differs: one of several writers succeeds.
+        Returns the new version, or None if the version differs, so that only one of several
+        concurrent writers succeeds.
         """
         mode: Any = version or "create"
         try:
@@ -195,8 +198,8 @@ class Objects:
         with suppress(FileNotFoundError), translated_errors(self.path):
             self.store.delete(name)
 
-    def map(self, function: Callable[[One], Result], given: Iterable[One]) -> list[Result]:
-        """Return the results of a function for each item, called in several threads at once."""
+    def map(self, function: Callable[[Item], Result], given: Iterable[Item]) -> list[Result]:
+        """Call a function on each item in concurrent threads; return the results in order."""
         with ThreadPoolExecutor(REQUESTS) as pool:
             return list(pool.map(function, given))
 

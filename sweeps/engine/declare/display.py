@@ -16,13 +16,13 @@ ATTRIBUTE = "displays"  # of a group, with its displays
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of a table: a variable of its group, and its related variables."""
+    """One number shown in a table: a variable of the group, with its interval and extra columns."""
 
     variable: str
     name: str = ""  # of its column; the variable's by default
     low: str = ""  # variables with the ends of its 95 % interval; by default found by their names
     high: str = ""
-    # Variables of more columns, by the columns' names; likewise.
+    # Variables of additional columns, by column name; by default found by their names.
     extra_columns: Mapping[str, str] = field(default_factory=dict)
     percent: bool = False  # a fraction, shown and written in percent
     digits: int | None = None  # decimals that are written; None: all
@@ -43,16 +43,16 @@ class Display:
     title: str
     figures: tuple[Figure, ...] = ()  # the main one first; none: all variables of the group
     rows: tuple[str, ...] = ()  # axes down, before others of several values
-    columns: str = ""  # axis across, with the main figure in the cells; none: the figures
+    columns: str = ""  # axis along the columns, to show the main figure only; empty: one per figure
     # Axes of one value that distinguish the groups of a table.
     labels: Mapping[str, str] = field(default_factory=dict)
     source: str = ""  # the article's table whose figures stand beside these
-    # Main figure of a random answer.
+    # Main figure expected from random guessing.
     chance: float | Callable[[Choices], float] | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
     def as_attribute(self, choices: Choices) -> dict[str, Any]:
-        """Return the attribute that stores it, for a sweep's choices."""
+        """Return the attribute that stores it, with `chance` evaluated for a sweep's choices."""
         chance = self.chance(choices) if callable(self.chance) else self.chance
         return {**asdict(self), "chance": chance}
 

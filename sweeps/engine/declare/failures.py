@@ -53,15 +53,16 @@ def format_arguments(arguments: Mapping[str, Any]) -> str:
 
 
 class FailureLog:
-    """A log of failures, created with the first one.
+    """Log file of failures, created with the first failure.
 
-    It refers to the first of equal tracebacks, and ignores errors of the disk.
+    It replaces a repeated traceback by the name of the first failure that has it, and ignores
+    errors of writing.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.exists = False
-        self._seen: dict[str, str] = {}
+        self._first_names: dict[str, str] = {}
 
     def add(self, failure: Failure) -> None:
         """Append a failure."""
@@ -69,7 +70,7 @@ class FailureLog:
         if failure.arguments:
             parts.append(f"arguments:\n{indent(failure.arguments, INDENT)}")
         if failure.traceback:
-            first = self._seen.setdefault(failure.traceback, failure.name)
+            first = self._first_names.setdefault(failure.traceback, failure.name)
             repeated = first != failure.name
             parts.append(f"traceback as of {first}" if repeated else failure.traceback)
         text = "\n".join(parts)

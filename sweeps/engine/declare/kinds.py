@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 MAX_NUMBER = 1e300  # larger numbers are mistakes, and integers need not fit a float
 MAX_VALUES = 100_000  # longer axes come from a mistaken step
-EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # in whole nanoseconds
+EARLIEST, LATEST = np.datetime64("1678-01-01"), np.datetime64("2262-01-01")  # whole years in M8[ns]
 DECIMAL = r"[-+.\deE]+"  # pattern of a number
-STEP_TOLERANCE = 10**9  # a step that misses `stop` by less than 1/this of its size lands on it
+STEP_TOLERANCE = 10**9  # `stop` is included if a step ends within step / STEP_TOLERANCE
 Value = Any  # a float, int, str, bool, None, `Identified`, or a tuple of them
 
 
 @runtime_checkable
 class Identified(Protocol):
-    """A value whose identity counts in keys, instead of its representation."""
+    """A value that enters keys by its `identity` instead of its `repr`."""
 
     @property
     def identity(self) -> object:
@@ -62,7 +62,7 @@ class Kind:
         listed = self._as_list(key, given)
         for value in listed:
             if not (value is None and self.null) and not self.holds(value):
-                raise ValueError(self._refusal(key, value))
+                raise ValueError(self._error_text(key, value))
         return sorted_values(
             key, [None if value is None else self._read_value(value) for value in listed]
         )
@@ -78,20 +78,20 @@ class Kind:
 
     @property
     def entries(self) -> tuple[Any, ...]:
-        """Each `Setting` of a mapping that may be one of the values, for `read_entries`."""
+        """Settings that declare the keys of a mapping given as a value; see `read_entries`."""
         return ()
 
     def coordinates(
         self, values: tuple[Value, ...]
     ) -> Mapping[str, tuple[NDArray[Any], Mapping[str, Any]]] | None:
-        """Return coordinates and attributes of some values, the main one first; None: the values.
+        """Return the coordinates that describe values, with attributes, by name.
 
-        The main one takes the name of the axis.
+        The first is the main one and takes the name of the axis. None: use the values themselves.
         """
         return None
 
     def origin(self, value: Value) -> Any:
-        """Return the source of a value, which distinguishes equal values such as names of files."""
+        """Return the source of a value, to distinguish sources that have the same name."""
         return None
 
     def _as_list(self, key: str, value: Any) -> list[Any]:
@@ -101,15 +101,15 @@ class Kind:
     def _read_value(self, value: Any) -> Value:
         return value
 
-    def _refusal(self, key: str, value: Any) -> str:
+    def _error_text(self, key: str, value: Any) -> str:
         return f"{key} has {quote_value(value)}, but must be {self.allowed}"
 
 
 @dataclass(frozen=True)
 class Number(Kind):
-    """Finite numbers from `low` to `high`, also given by start, stop and step.
+    """Finite numbers from `low` to `high`, and less than `below`.
 
-    They are less than `below`, and in a unit, which messages name.
+    A user lists them, or gives start, stop and step. Messages name their `unit`.
     """
 
     low: float = -math.inf
@@ -142,7 +142,7 @@ class Number(Kind):
         read = _read_steps if isinstance(value, Mapping) else super()._as_list
         return read(key, value)
 
-    def _refusal(self, key: str, value: Any) -> str:
+    def _error_text(self, key: str, value: Any) -> str:
         text = value if isinstance(value, str) else ""
         if re.fullmatch(f"{DECIMAL}([ ;]+{DECIMAL})+", text):
             hint = f"; a list has commas, '{key}=[{', '.join(re.split('[ ;]+', text))}]'"
@@ -151,7 +151,7 @@ class Number(Kind):
             hint = f"; steps are '{key}={{{steps}}}'"
         else:
             hint = ""
-        return super()._refusal(key, value) + hint
+        return super()._error_text(key, value) + hint
 
     def _read_value(self, value: Any) -> Value:
         return float(value) + 0.0  # -0.0 becomes 0.0, which equals it
@@ -247,8 +247,8 @@ class Date(Kind):
                 return False
             if self.unit and isinstance(value, str) and np.datetime64(value) != time:
                 return False  # finer than the unit
-            zoned = isinstance(time, datetime) and time.tzinfo is not None
-            return not zoned and bool(EARLIEST <= np.datetime64(time) < LATEST)
+            has_zone = isinstance(time, datetime) and time.tzinfo is not None
+            return not has_zone and bool(EARLIEST <= np.datetime64(time) < LATEST)
         except (ValueError, OverflowError):
             return False
 
@@ -357,7 +357,7 @@ def sorted_values(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
         raise ValueError(f"{key} is empty, but must hold at least one value")
     labels = set()
     for value in values:
-        # A store ends texts at their last character that is not NUL.
+        # Stores strip trailing NULs from texts.
         label = value.rstrip("\0") if isinstance(value, str) else value
         if label in labels:
             problem = f"{key} has {quote_value(value)} more than once"
@@ -380,7 +380,7 @@ def _read_steps(key: str, steps: Mapping[str, Any]) -> list[float]:
         )
     for name, value in steps.items():
         if not Number().holds(value):
-            raise ValueError(Number()._refusal(f"{key}.{name}", value))
+            raise ValueError(Number()._error_text(f"{key}.{name}", value))
     # As decimals: 0.1 steps give 0.3 and not 0.30000000000000004.
     numbers = [float(steps[name]) for name in ("start", "stop", "step")]
     start, stop, step = (Fraction(repr(number)) for number in numbers)

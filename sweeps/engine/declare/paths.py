@@ -23,9 +23,9 @@ _BUCKET = re.compile(rf"(?:{'|'.join(SCHEMES)})://[^/@?#:]+(?:/[^/@?#:]+)+")
 
 
 def path_or_url(key: str, given: PathOrUrl) -> PathOrUrl:
-    """Return a setting's value as a path, or as a URL of a bucket without a slash at its end.
+    """Return a setting's value as a Path, or as a bucket URL without trailing slashes.
 
-    Raises ConfigurationError for other URLs, without the secrets that they may hold.
+    Raises ConfigurationError for any other URL; the message omits secrets in the URL.
     """
     if not _URL.match(str(given)):
         return Path(given)

@@ -56,9 +56,10 @@ class Unit(str):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """One setting; `label` describes it.
+    """Declaration of one setting.
 
-    Its default is as a user would write it, or another setting, whose values replace null.
+    `label` describes it. `default` is written as a user would write it, or is another setting,
+    whose values replace null.
     """
 
     kind: Kind
@@ -67,9 +68,9 @@ class Setting:
     unit: str = "1"
     help: str = ""  # more in `--settings` than the label
     dimension: str = ""  # its name in stores; by default the last word of its key
-    # Why several values do not make it an axis; empty if they do. None: as its class, or empty.
+    # Reason to refuse several values; empty: they make an axis. None: inherit it from the class.
     not_swept: str | None = None
-    # In stores, with one value: a DIMENSION, an attribute (COORDINATE), or nothing; None: as class.
+    # With one value, in stores: a DIMENSION, a scalar COORDINATE, or nothing; None: inherit it.
     role: str | None = None
     key: str = ""  # in the configuration, given by `Settings`
 
@@ -81,8 +82,8 @@ class Setting:
     @property
     def attrs(self) -> dict[str, str]:
         """CF attributes of its coordinate."""
-        worded = isinstance(self.kind, Word | Text)
-        return ({} if worded else {"units": self.unit}) | {"long_name": self.label}
+        is_text = isinstance(self.kind, Word | Text)
+        return ({} if is_text else {"units": self.unit}) | {"long_name": self.label}
 
     @property
     def fallback(self) -> Setting | None:
@@ -170,14 +171,14 @@ def number(
     null: bool = False,
     **options: Any,
 ) -> Setting:
-    """Return a setting that is a finite number; other arguments as of `Setting`."""
+    """Return a setting that is a finite number; pass `options` to `Setting`."""
     unit = options.get("unit", "1")
     kind = Number(low, high, below, unit, null=null or default is None)
     return Setting(kind, default, **options)
 
 
 def count(default: Any, low: int = 1, high: float = math.inf, **options: Any) -> Setting:
-    """Return a setting that is a whole number; other arguments as of `Setting`."""
+    """Return a setting that is a whole number; pass `options` to `Setting`."""
     unit = options.get("unit", "1")
     return Setting(Count(low, high, unit=unit, null=default is None), default, **options)
 
@@ -188,22 +189,22 @@ def draws(default: int, high: int = 1000, **options: Any) -> Setting:
 
 
 def word(default: Any, words: tuple[str, ...], **options: Any) -> Setting:
-    """Return a setting that is a word of a list; other arguments as of `Setting`."""
+    """Return a setting that is a word of a list; pass `options` to `Setting`."""
     return Setting(Word(tuple(words)), default, **options)
 
 
 def switch(default: Any, **options: Any) -> Setting:
-    """Return a setting that is true or false; other arguments as of `Setting`."""
+    """Return a setting that is true or false; pass `options` to `Setting`."""
     return Setting(Switch(), default, **options)
 
 
 def text(default: str | None, **options: Any) -> Setting:
-    """Return a setting that is a text, such as a path; other arguments as of `Setting`."""
+    """Return a setting that is a text, such as a path; pass `options` to `Setting`."""
     return Setting(Text(null=default is None), default, **options)
 
 
 def vector(default: Any, size: int, low: float, high: float, **options: Any) -> Setting:
-    """Return a setting whose value is a list of `size` finite numbers; the rest as of `Setting`."""
+    """Return a setting whose value lists `size` finite numbers; pass `options` to `Setting`."""
     options.setdefault("not_swept", "its numbers belong together")
     element = Number(low, high, unit=options.get("unit", "1"))
     return Setting(Vector(size, element), default, **options)
@@ -299,7 +300,7 @@ class Choices:
         return replace(self, values={**self.values, setting.key: values})
 
     def points(self, keys: Sequence[str]) -> Iterator[tuple[Value, ...]]:
-        """Yield the values of some settings, by key, at all points of their axes."""
+        """Yield the values of settings, in the order of `keys`, at each point of their axes."""
         zipped = [axis for axis in self.zipped if not set(axis.keys).isdisjoint(keys)]
         axes = [
             [dict(zip(axis.keys, point, strict=True)) for point in axis.points] for axis in zipped
@@ -336,7 +337,7 @@ def read_choices(settings: Iterable[Setting], given: Mapping[str, Any]) -> Choic
 def read_entries(entries: Iterable[Setting], key: str, given: Mapping[Any, Any]) -> dict[str, Any]:
     """Return the checked entries of a mapping that is one value of a setting.
 
-    `entries` are its keys; those without a default are required.
+    `entries` declare its keys. A key without a default is required, unless it may be null.
 
     Raises
     ------

@@ -60,11 +60,12 @@ RESULT, INNER, STATE, MEASURED, SHARE = "result", "inner", "state", "measured", 
 
 @dataclass(frozen=True)
 class Output:
-    """An array that a stage returns for every cell: a variable of the store, with inner dimensions.
+    """Array that a stage returns for every cell, a variable of the store.
 
-    A dimension with the name of a gathered setting has its values as coordinate. If the stage has
-    an output `first_row`, a whole number, the arrays of a cell begin there on the dimension `row`,
-    which has its label and unit.
+    `dims` are the dimensions within a cell. A dimension named after a gathered setting takes the
+    values of the setting as coordinate. If the stage also returns an integer `first_row`, the array
+    of a cell begins at that index of the dimension `row`, which takes the label and unit of
+    `first_row`.
     """
 
     name: str
@@ -74,9 +75,9 @@ class Output:
     unit: str = "1"
     pad: complex | str | None = None  # up to the largest cell's array; None: all have one shape
     without: tuple[str, ...] = ()  # settings of its stage that it does not depend on
-    # RESULT; COORDINATE of its group; INNER: an input of other stages only; STATE of cells that a
-    # group gathers; MEASURED by the machine, such as a run time, which differs between runs; SHARE,
-    # from 0 to 1, in unsigned integers up to their largest.
+    # RESULT; COORDINATE of its group; INNER: an input of other stages, not stored; STATE of the
+    # cells that a group gathers; MEASURED by the machine, such as a run time: differs between runs;
+    # SHARE: a fraction from 0 to 1 as an unsigned integer, whose largest value means 1.
     role: str = RESULT
     attrs: Mapping[str, Any] = field(default_factory=dict, hash=False)  # besides unit and label
 
@@ -95,12 +96,12 @@ class Output:
         """Value of missing results: NaN, NaT, no text, false, unsigned 0, else `pad` or -1."""
         of_kind: dict[str, complex | str] = {"f": np.nan, "U": "", "b": False, "u": 0, "M": "NaT"}
         of_kind["c"] = complex(np.nan, np.nan)
-        of_integers = -1 if self.pad is None else self.pad
-        return of_kind.get(np.dtype(self.dtype).kind, of_integers)
+        integer_fill = -1 if self.pad is None else self.pad
+        return of_kind.get(np.dtype(self.dtype).kind, integer_fill)
 
     @property
     def store_dtype(self) -> tuple[np.dtype[Any], complex | str]:
-        """Dtype and fill value in the store: -1 for shares, which are never negative."""
+        """Dtype and fill value in the store; shares become signed, so that -1 means missing."""
         dtype = np.dtype(self.dtype)
         if self.role != SHARE:
             return dtype, self.fill_value
@@ -149,10 +150,11 @@ UNSTORED = Group("")
 
 @dataclass(frozen=True, eq=False)
 class At:
-    """A stage that is read at other settings' values, such as training at one range for all.
+    """Input from another stage, read at substituted values of its settings.
 
-    Settings that run together with such a setting take their values there. With `in_blocks`,
-    gathered arrays are read when they are indexed (`GatheredArray`), not beforehand.
+    `settings` maps each such setting to the setting whose value replaces it, for example to train
+    at one range for all cells. Settings zipped with it take their values at the same point. With
+    `in_blocks`, gathered arrays are read when they are indexed (`GatheredArray`), not beforehand.
     """
 
     stage: str
@@ -177,8 +179,8 @@ class Mode(Enum):
 
     CACHED = "cached"  # arrays, on disk
     IN_MEMORY = "in memory"  # any objects, of which each worker keeps the last few
-    # Called while planning: a quick function of settings, whose result, a number, text or tuple of
-    # them, counts as a value, whatever its inputs.
+    # Called while planning: a quick function of settings. Its result, a number, a text or a tuple
+    # of them, enters keys by its value, not by its inputs.
     DERIVED = "derived"
 
 
@@ -194,11 +196,11 @@ class Stage:
     outputs: tuple[Output, ...]
     uses: tuple[type[Settings], ...] = ()  # where arguments are looked up; then among the stages
     reads: dict[str, Any] = field(default_factory=dict)  # argument: setting, name of a stage, `At`
-    # Axes computed together: it gets a tuple of the missing values, and its arrays have
-    # these as leading axes. A result must not depend on the other values.
+    # Axes that one call computes together: the function gets a tuple of the missing values, and
+    # returns arrays with these axes first. A result must not depend on the other values.
     along: tuple[Setting, ...] = ()
-    # Axes gathered: it gets a tuple of all values, and inputs with these as leading axes,
-    # after those of `along`. Failed inputs are filled; `valid` flags the others.
+    # Axes that each call gathers: the function gets a tuple of all values, and inputs that have
+    # these axes after the axes of `along`. Failed inputs hold fill values; `valid` flags the rest.
     gather: tuple[Setting, ...] = ()
     stream: Stream | None = None  # of `rng`; None: keyed by all dependencies
     group: Group = UNSTORED  # of the store; by default its results only serve other stages
@@ -227,9 +229,10 @@ class Stage:
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """Names of the function's arguments, except arguments that keep their default.
+        """Names of the arguments that a sweep passes; others keep their default.
 
-        A function of any arguments (`**values`) takes the arguments in `reads`.
+        They have no default, or `reads` or `uses` has their name. A function with `**values` also
+        takes every name in `reads`.
         """
         parameters = inspect.signature(self.function).parameters.values()
         takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
@@ -265,7 +268,7 @@ class Stage:
         }
 
     def stored_as(self, output: Output) -> tuple[str, str]:
-        """Return the store's group of an output, empty if it is not stored, and its name there."""
+        """Return group and name of an output in the store; the group is empty if not stored."""
         status = self.group.status
         if output.role == STATE and status is not None:
             return STATUS, output.name if status.over else status.name
@@ -394,7 +397,7 @@ class Experiment:
 
 @dataclass(frozen=True, eq=False)
 class BoundStage:
-    """A stage with resolved arguments: by name a setting, or another stage; not `rng`, `valid`."""
+    """Stage whose arguments, except `rng` and `valid`, are resolved to settings and stages."""
 
     stage: Stage
     arguments: Mapping[str, Setting | BoundStage]
@@ -449,12 +452,12 @@ def bind(experiment: Experiment, zipped: Sequence[ZippedAxis] = ()) -> dict[str,
         )
         if setting is not None:
             # A function may refine the setting of its name.
-            names_of_stage = {
+            stage_names = {
                 declared.name,
                 getattr(declared.function, "__name__", ""),
                 *declared.reads,
             }
-            if name in experiment.by_name.keys() - names_of_stage:
+            if name in experiment.by_name.keys() - stage_names:
                 raise DeclarationError(
                     f"{subject} both the setting {setting.key} and a stage; rename one of them, or "
                     "say which by reads"
@@ -562,7 +565,7 @@ def find_mistakes(experiment: Experiment) -> Iterator[str]:
 
 
 def _has_state(stage: Stage) -> bool:
-    """Return whether the store has a state of a stage that the stage itself does not return."""
+    """Return whether the engine, not the stage, provides a stage's state in the store."""
     stored = any(output.is_stored and output.role != COORDINATE for output in stage.outputs)
     status = stage.group.status
     return bool(stage.group.path) and stored and (status is None or bool(status.over))
@@ -570,7 +573,7 @@ def _has_state(stage: Stage) -> bool:
 
 def _find_name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]) -> Iterator[str]:
     """Yield clashes of the names of outputs and dimensions in a group."""
-    in_stores = {s.key: s for s in settings if s.role or not s.not_swept}
+    stored_settings = {s.key: s for s in settings if s.role or not s.not_swept}
     axes: dict[tuple[str, str], str] = {}  # keys of settings by group and name of the coordinate
     stored = [
         (bound, output, group)
@@ -580,7 +583,7 @@ def _find_name_clashes(settings: Iterable[Setting], stages: Iterable[BoundStage]
     ]
     dims = {(group, dim) for _, output, group in stored for dim in output.dims}
     for bound, _, group in stored:
-        for setting in (in_stores[key] for key in bound.needs if key in in_stores):
+        for setting in (stored_settings[key] for key in bound.needs if key in stored_settings):
             axes[group, bound.stage.group.names.get(setting) or setting.name] = setting.key
     for bound, output, group in stored:
         subject = f"stage {bound.name}: {output.name}"

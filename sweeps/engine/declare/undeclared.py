@@ -63,7 +63,7 @@ class UndeclaredOutput(Output):
 
 
 class Variable(NamedTuple):
-    """A variable that a call returned; None if it does not name its dimensions."""
+    """A variable that a call returned; `dims` is None if the result does not name them."""
 
     values: Any
     dims: tuple[str, ...] | None = None
@@ -88,7 +88,7 @@ def split_variables(output: UndeclaredOutput, result: Any) -> tuple[list[tuple[O
         key = (name, returned.dims, returned.coordinate, values.dtype, values.ndim)
         if (variable := output.variables.get(key)) is None:
             variable = output.variables[key] = _make_output(output, *key)
-        # Only times and texts are converted: others may have a mask.
+        # Convert only times and texts; keep other values as returned, since they may be masked.
         declared.append((variable, values if values.dtype.kind in "MU" else returned.values))
         if variable.dims or returned.attrs or returned.coordinate:
             stored_attrs = {
@@ -237,7 +237,7 @@ def _dtype_kind(dtype: np.dtype[Any]) -> str:
 def longest_arrays(
     cells: Iterable[Mapping[str, NDArray[Any]]], names: Iterable[str]
 ) -> dict[str, Any]:
-    """Return, by name, the longest array of cells, or None if another is not its beginning."""
+    """Return, by name, the longest array among cells; None if any other is not a prefix of it."""
     longest: dict[str, Any] = {}
     for arrays in cells:
         for name in arrays.keys() & set(names):

@@ -1,14 +1,15 @@
 """Digest of a function: hashes, by name, of its code and of the values that it holds.
 
-1. If a `version` is given, only that.
-2. Of a function of a stage's file, a script or a notebook, or made at run time: its instructions,
-   its defaults, its closure, and each global that it names, as they are when the sweep begins.
-   Functions and classes of such files count by this rule, what comes from other modules, or is
-   imported inside, by the next, and any other value by its content.
-3. Of a module of the packages in `Experiment.code`, or of no distribution: its syntax tree without
-   docstrings, comments and code for type checkers, and that of all modules that it imports. Of
-   other modules: the version of the distribution. Python's own, and the engine, do not count.
-4. A value without content to compare, such as an open file or a lock, is refused.
+1. A given `version` replaces everything else.
+2. A function from a stage's file, a script or a notebook, or made at run time, counts by its
+   instructions, defaults and closure, and by each global that it names, as they are when the sweep
+   begins. Functions and classes of such files count by this rule, names from other modules or
+   imported inside by rule 3, and any other value by its content.
+3. A module of the packages in `Experiment.code`, or of no distribution, counts by its syntax tree
+   without docstrings, comments and code for type checkers, as do all modules that it imports. Any
+   other module counts by its distribution's version. The standard library and the engine do not
+   count.
+4. A value whose content cannot be compared, such as an open file or a lock, is refused.
 """
 
 from __future__ import annotations
@@ -111,17 +112,17 @@ def _scan(code: CodeType) -> _Scan:
     chains = [chain for scan in inner for chain in scan.chains]
     imports = [reference for scan in inner for reference in scan.imports]
     steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
-    chained = False
+    in_chain = False
     for number, step in enumerate(steps):
         argument = step.argval if step.opcode in _NAME_OPCODES else step.arg
         constant = step.opcode in dis.hasconst
         lines.append(f"{step.opname} {_constant(step.argval) if constant else argument}")
-        chained &= step.opname in _ATTRIBUTES
-        if chained:
+        in_chain &= step.opname in _ATTRIBUTES
+        if in_chain:
             chains[-1] += (step.argval,)
         elif step.opname in _GLOBALS:
             chains.append((step.argval,))
-            chained = True
+            in_chain = True
         elif step.opname == "IMPORT_NAME":
             imports.append(("." * steps[number - 2].argval + step.argval, ""))
         elif step.opname == "IMPORT_FROM":
@@ -143,24 +144,24 @@ def _constant(value: Any) -> str:
 
 
 _ATOMS = {type(None), bool, int, float, complex, str, bytes, type(...), type(NotImplemented)}
-_REFERENCED = FunctionType | type | ModuleType  # parts of their own
+_DEFINITIONS = FunctionType | type | ModuleType  # parts of their own
 _DESCRIPTOR_PARTS = ("fget", "fset", "fdel", "__func__", "func")
 
 
 class _Walk:
-    """Walk over all that one function depends on: hashes by name, and libraries."""
+    """Traversal of everything that a function depends on: hashes by name, and libraries."""
 
     def __init__(self, code: Code, root: Callable[..., Any]) -> None:
         module, name = module_and_name(root)
         self._modules, self._homes = code.modules, code.homes | {module}
         self.parts: dict[str, str] = {}
         self.libraries: dict[str, str] = {}
-        self._loaded: set[str] = set()
+        self._added_modules: set[str] = set()
         self._labels: dict[int, str] = {}
         self._waiting: list[tuple[str, Any]] = []  # functions and classes
         self._tokens: dict[int, str] = {}
-        self._open: list[int] = []
-        self._references: list[Any] = []  # objects whose ids are known
+        self._active_ids: list[int] = []
+        self._kept_alive: list[Any] = []  # objects whose ids are known
         self.root = self._variable_token(name, root)
         for label, target in self._waiting:  # which grows
             content = self._class_content if isinstance(target, type) else self._function_content
@@ -168,26 +169,26 @@ class _Walk:
             self.parts[f"code of {label}"] = digest(repr(part))
 
     def _label(self, target: Any, name: str) -> str:
-        """Return the name of a function, class or file; the second of a name has a number."""
+        """Return a unique name of a function, class or file; number repeated names."""
         if id(target) not in self._labels:
-            self._references.append(target)
+            self._kept_alive.append(target)
             same = sum(label.partition(" ")[0] == name for label in self._labels.values())
             self._labels[id(target)] = f"{name} {same + 1}" if same else name
-            if isinstance(target, _REFERENCED):
+            if isinstance(target, _DEFINITIONS):
                 self._waiting.append((self._labels[id(target)], target))
         return self._labels[id(target)]
 
     def _variable_token(self, name: str, value: Any) -> str:
-        """Return the token of a variable; if it holds a value, the name of its part."""
+        """Return the token of a variable; store a plain value as a part, and return its name."""
         self._name, self._value = name, value
         token = self.token(value)
-        if not isinstance(value, _REFERENCED):
+        if not isinstance(value, _DEFINITIONS):
             self.parts[name], token = digest(token), name
         return token
 
     def _function_content(self, label: str, function: FunctionType) -> Any:
         """Return the code of a function, and the tokens of its variables."""
-        code, space = function.__code__, function.__globals__
+        code, namespace = function.__code__, function.__globals__
         module = _module_of(function)
         if module == "functools" and hasattr(function, "registry"):  # one for each type
             return self._variable_token(f"registry of {label}", function.registry)
@@ -200,17 +201,17 @@ class _Walk:
         variables = [
             (key, self._variable_token(f"{key} of {label}", values[key])) for key in sorted(values)
         ]
-        if self._is_in_module(function, module):
+        if self._counts_with_module(function, module):
             return variables
-        scan, file_label = _scan(code), self._label(space, module)
+        scan, file_label = _scan(code), self._label(namespace, module)
         for owner, name in scan.imports:
-            self._add_module(absolute_name(owner, space.get("__package__") or module), name)
+            self._add_module(absolute_name(owner, namespace.get("__package__") or module), name)
         if DYNAMIC_NAMES & scan.names:
-            self._add_file(label, space)
+            self._add_file(label, namespace)
         variables += [
-            self._global_content(file_label, chain, space[chain[0]])
+            self._global_content(file_label, chain, namespace[chain[0]])
             for chain in sorted({*scan.chains})
-            if chain[0] in space
+            if chain[0] in namespace
         ]
         return scan.text, variables
 
@@ -236,9 +237,9 @@ class _Walk:
         }
         return self.token((type(cls), *cls.__bases__)), self.token(members)
 
-    def _add_file(self, label: str, space: Mapping[str, Any]) -> None:
+    def _add_file(self, label: str, namespace: Mapping[str, Any]) -> None:
         """Add the whole file of a function that may use any of its globals."""
-        name, file = space.get("__name__", MAIN), Path(space.get("__file__") or "")
+        name, file = namespace.get("__name__", MAIN), Path(namespace.get("__file__") or "")
         if file.suffix != ".py" or not file.is_file():
             problem = f"{label} uses eval or similar, and is in no file"
             raise ConfigurationError(f"{problem}: name the values that it takes, {REMEDY}")
@@ -251,9 +252,9 @@ class _Walk:
         """Add a module, or the name imported from it, and its imports, to the parts."""
         waiting = [*self._modules.loaded_with(owner, name)]
         for module_name in waiting:  # which grows
-            if module_name in self._loaded:
+            if module_name in self._added_modules:
                 continue
-            self._loaded.add(module_name)
+            self._added_modules.add(module_name)
             if not self._modules.is_source(module_name):
                 if module_name not in sys.stdlib_module_names:
                     self.libraries |= dist_versions(module_name)
@@ -264,7 +265,7 @@ class _Walk:
                 self.parts[f"shaders of {module_name}"] = digest(repr(shaders))
             waiting += self._modules.imports(module_name)
 
-    def _is_in_module(self, definition: FunctionType | type, module: str) -> bool:
+    def _counts_with_module(self, definition: FunctionType | type, module: str) -> bool:
         """Return whether a function or class counts as part of its module."""
         if module in self._homes or module not in sys.modules:
             return False
@@ -274,12 +275,12 @@ class _Walk:
         return not is_source or find_attribute(module, definition.__qualname__) is definition
 
     def _reference(self, target: Any) -> str:
-        """Return the name of a function, class or module, which counts on its own."""
+        """Return the name of a function, class or module, and add it to the parts."""
         if isinstance(target, ModuleType):
             self._add_module(target.__name__)
             return f"module {target.__name__}"
         module = _module_of(target)
-        if self._is_in_module(target, module):
+        if self._counts_with_module(target, module):
             self._add_module(module)
             if isinstance(target, type) or find_attribute(module, target.__qualname__) is target:
                 return f"{module}.{target.__qualname__}"
@@ -289,13 +290,13 @@ class _Walk:
         """Return a text that is equal for values of equal type and content."""
         if type(value) in _ATOMS:
             return f"{type(value).__name__} {value!r}"
-        if isinstance(value, _REFERENCED):
+        if isinstance(value, _DEFINITIONS):
             return self._reference(value)
-        if id(value) in self._open:
-            return f"circle {len(self._open) - self._open.index(id(value))}"
+        if id(value) in self._active_ids:
+            return f"circle {len(self._active_ids) - self._active_ids.index(id(value))}"
         if id(value) not in self._tokens:
-            self._references.append(value)
-            self._open.append(id(value))
+            self._kept_alive.append(value)
+            self._active_ids.append(id(value))
             try:
                 content = self._content(value)
             except ConfigurationError:
@@ -305,7 +306,7 @@ class _Walk:
                 problem = f"{self._name} {verb} {type(value).__name__!r}, which has no content to"
                 remedy = f"compare: pass only the data that the function needs, {REMEDY}"
                 raise ConfigurationError(f"{problem} {remedy}") from error
-            self._open.pop()
+            self._active_ids.pop()
             self._tokens[id(value)] = f"{type(value).__name__} {digest(repr(content))}"
         return self._tokens[id(value)]
 

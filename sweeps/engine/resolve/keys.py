@@ -1,4 +1,4 @@
-"""Keys of results: 128-bit hashes, of many cells at once, as arrays of two numbers each."""
+"""Keys of results: 128-bit hashes in arrays, two 64-bit integers for each cell."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def hash_texts(texts: Iterable[str | bytes | memoryview]) -> Keys:
 def fold(keys: Keys, words: Keys) -> None:
     """Mix hashes into keys, in place; the order of calls matters.
 
-    Each half of a key, a number of 64 bits, is mixed on its own: it is multiplied by the increment
-    of SplitMix64, so that key and hash are not interchangeable, combined with the hash's half by
-    exclusive or, and passed through SplitMix64's finalizer (Steele, Lea and Flood 2014,
-    https://doi.org/10.1145/2660193.2660195). Each step has an inverse. As halves of hashes are
-    independent, n keys contain two equal ones by chance with a probability of n^2 / 2^129.
+    Mix each 64-bit half of a key separately: multiply it by the increment of SplitMix64, so that
+    key and hash are not interchangeable, XOR it with the same half of the hash, and apply the
+    finalizer of SplitMix64 (Steele, Lea and Flood 2014, https://doi.org/10.1145/2660193.2660195).
+    Each step has an inverse. Since the halves of a hash are independent, two of n keys collide with
+    a probability of n^2 / 2^129.
 
     Parameters
     ----------
@@ -76,17 +76,17 @@ def unique_keys(keys: Keys) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         return indices, indices
     del halves
     equal = keys[order[1:]] == keys[order[:-1]]
-    if (equal[:, 0] & ~equal[:, 1]).any():  # by chance once in 10^19 pairs
+    if (equal[:, 0] & ~equal[:, 1]).any():  # equal first halves only: once in 10^19 pairs
         order = np.lexsort((keys[:, 1], keys[:, 0]))
         equal = keys[order[1:]] == keys[order[:-1]]
     is_new = np.concatenate([[True], ~equal.all(axis=1)])
     first = np.minimum.reduceat(order, np.flatnonzero(is_new))
-    by_place = np.argsort(first)
-    rank = np.empty_like(by_place)
-    rank[by_place] = np.arange(len(first))
+    occurrence_order = np.argsort(first)
+    rank = np.empty_like(occurrence_order)
+    rank[occurrence_order] = np.arange(len(first))
     number = np.empty_like(order)
     number[order] = rank[np.cumsum(is_new) - 1]
-    return first[by_place].astype(np.int32), number.astype(np.int32)
+    return first[occurrence_order].astype(np.int32), number.astype(np.int32)
 
 
 def concatenate(*arrays: NDArray[Any]) -> NDArray[Any]:

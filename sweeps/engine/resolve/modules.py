@@ -1,6 +1,6 @@
-"""Modules as part of keys: by their source and imports, or by their version.
+"""Hash modules for keys, by their source and imports or by their version.
 
-No module is imported for it.
+It imports none of them.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def absolute_name(name: str, package: str) -> str:
 
 @cache
 def _cached_modules() -> dict[str, Any]:
-    """Return the parsed modules of the cache by the hash of their source: parsing takes long.
+    """Load the cache of parsed modules, by hash of their source; it saves slow parsing.
 
     Empty if the file is missing or damaged, or another user may write to its folder.
     """
@@ -123,7 +123,7 @@ def _parser_digest() -> str:
 
 
 @cache
-def read_module(name: str, file: Path, modified: int) -> Module:
+def read_module(name: str, file: Path, mtime_ns: int) -> Module:
     """Return the module of a file."""
     source = file.read_bytes()
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
@@ -162,7 +162,7 @@ def package_files(name: str, suffixes: frozenset[str]) -> list[tuple[str, str]]:
 
 @cache
 def dist_versions(top: str) -> dict[str, str]:
-    """Return distributions of a top-level package with versions; empty if it is only a source."""
+    """Return the versions of a top-level package's distributions, by name; empty without any."""
     return {owner.metadata["Name"]: owner.version for owner in distributions().get(top, ())}
 
 
@@ -182,10 +182,10 @@ def distributions() -> dict[str, list[metadata.Distribution]]:
 
 
 class Modules:
-    """The modules that some packages and modules, `roots` by dotted names, load.
+    """Modules that the packages and modules `roots`, by dotted name, import.
 
-    Those of roots, with all below them but the engine, count by their source, and so does what no
-    distribution has; of other imports outside the standard library the version counts.
+    Modules in the roots, including submodules, count by their source, and so do modules of no
+    distribution. Other imports count by version. The engine and the standard library do not count.
     """
 
     def __init__(self, roots: frozenset[str]) -> None:
@@ -207,7 +207,7 @@ class Modules:
         return is_within(name, self._roots) or not dist_versions(top)
 
     def _loaded_with(self, owner: str, name: str) -> set[str]:
-        """Return sources, or the library, that are loaded with a module or a name of it."""
+        """Return the source modules, or the library, that importing `name` from `owner` loads."""
         if not self.is_source(owner):
             return set() if is_within(owner, ENGINE) else {owner.partition(".")[0]}
         loaded, module = {*accumulate(owner.split("."), "{}.{}".format)}, self.module(owner)

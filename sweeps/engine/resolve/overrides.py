@@ -1,8 +1,8 @@
-"""The command line of an experiment: its overrides composed by Hydra, checked, expanded and fused.
+"""Compose the overrides of a command line with Hydra, check and expand them, and fuse jobs.
 
-Jobs of one store are one sweep, in which settings that differ between them become axes. Settings
-that the jobs cross are axes of their own. Settings that change together, as those of a group's
-choices (`spring=soft,hard`), run together along one axis named after the group.
+Jobs with the same store form one sweep, in which settings that differ between them become axes.
+Each setting that the jobs cross becomes a separate axis. Settings that change together, such as the
+settings of a group's choices (`spring=soft,hard`), are zipped along one axis named after the group.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class AddedFolders(SearchPathPlugin):
 def register(experiment: Experiment) -> None:
     """Register the schema of an experiment and its default configuration with Hydra."""
     config_store = ConfigStore.instance()
-    config_store.store(name=SCHEMA, node=_schema(nested(experiment.by_key)))
+    config_store.store(name=SCHEMA, node=_build_schema(nested(experiment.by_key)))
     for kind in CLUSTERS:
         config_store.store(group="cluster", name=kind, node={"kind": kind})
     AddedFolders.folders = experiment.added_conf
@@ -88,10 +88,10 @@ def register(experiment: Experiment) -> None:
         config_store.store(name=config_name(experiment), node=node)
 
 
-def _schema(tree: Mapping[str, Any]) -> dict[str, Any]:
+def _build_schema(tree: Mapping[str, Any]) -> dict[str, Any]:
     """Return the defaults of a group; values have any type, since settings check their values."""
     return {
-        key: _schema(inner) if (inner := members(entry)) else entry and entry.default_input
+        key: _build_schema(inner) if (inner := members(entry)) else entry and entry.default_input
         for key, entry in tree.items()
     }
 
@@ -130,12 +130,12 @@ def compose(experiment: Experiment, overrides: Sequence[str]) -> DictConfig:
 
 
 def _compose_lists(experiment: Experiment, overrides: list[str]) -> DictConfig:
-    """Return the configuration if a file replaces a default in steps by a list.
+    """Compose a configuration in which a file replaces start, stop and step by a list.
 
-    OmegaConf does not merge them, so defaults in steps are set afterwards, where no file has a
-    value.
+    OmegaConf cannot merge the two, so compose without defaults in steps, and set them afterwards
+    where no file has a value.
     """
-    config_store, schema = ConfigStore.instance(), _schema(nested(experiment.by_key))
+    config_store, schema = ConfigStore.instance(), _build_schema(nested(experiment.by_key))
     steps = [
         setting for setting in experiment.declared if isinstance(setting.default_input, Mapping)
     ]
@@ -186,7 +186,7 @@ def error_message(error: BaseException | None) -> str:
 
 
 def read_configuration(experiment: Experiment, config: DictConfig) -> Choices:
-    """Return the choices of a composed configuration, each setting checked by itself.
+    """Return the choices of a composed configuration, after checking each setting.
 
     Raises
     ------
@@ -318,9 +318,9 @@ class Job:
 
 
 def read_jobs(experiment: Experiment, arguments: Sequence[str], *, several: bool) -> list[Job]:
-    """Return the jobs of a command line, with choices that are checked setting by setting.
+    """Return the jobs of a command line, after checking each setting separately.
 
-    With `several`, values that are swept make a job each, unless they are an axis.
+    With `several`, each swept value makes a job, unless the values make an axis.
 
     Raises
     ------
@@ -350,7 +350,7 @@ def make_job(
 def _parse_overrides(
     experiment: Experiment, arguments: Sequence[str], *, several: bool
 ) -> list[Override]:
-    """Return the overrides of some arguments, whose keys and choices of groups exist."""
+    """Parse arguments into overrides; refuse unknown keys and unknown choices of groups."""
     loader = GlobalHydra.instance().config_loader()
     parser = OverridesParser.create(loader)
     overrides = []
@@ -380,15 +380,15 @@ def _parse_overrides(
 
 
 def _format_steps(swept: RangeSweep) -> str:
-    """Return values of Hydra's range, which ends before its stop, by start, stop and step."""
+    """Format a range of Hydra, which excludes its stop, as start, stop and step."""
     values: list[Any] = [*islice(swept.range(), MAX_VALUES)] or [swept.start]
     return format_value({"start": min(values), "stop": max(values), "step": abs(swept.step)})
 
 
 def quote_for_shell(text: str) -> str:
     """Quote a word for a shell, if it needs quotes."""
-    plain_inside = "'" in text and not set(text) & set('$`"!\\')
-    return f'"{text}"' if plain_inside else shlex.quote(text)
+    can_double_quote = "'" in text and not set(text) & set('$`"!\\')
+    return f'"{text}"' if can_double_quote else shlex.quote(text)
 
 
 def _quote_for_hydra(text: str) -> str:
@@ -410,7 +410,10 @@ def _try_parse(parser: OverridesParser, argument: str) -> Override | None:
 def _syntax_error(
     experiment: Experiment, parser: OverridesParser, arguments: Sequence[str]
 ) -> ConfigurationError:
-    """Return the error of the first argument, which Hydra cannot read; others may continue it."""
+    """Return the error of the first argument, which Hydra cannot parse.
+
+    The next arguments may belong to it, since the shell splits at spaces.
+    """
     candidates = (" ".join(arguments[:end]) for end in range(1, len(arguments) + 1))
     pairs = (("[", "]"), ("{", "}"))
     closed = (text for text in candidates if all(text.count(a) == text.count(b) for a, b in pairs))
@@ -474,14 +477,14 @@ def _expand_jobs(
 ) -> Iterator[tuple[str, ...]]:
     """Return the overrides of every job.
 
-    Swept settings are axes of one job, `a=1,2` as `a=[1,2]`, so that a grid of thousands of points
-    is one job. A key that another override refers to, as the store's path may, stays swept, as do
-    groups and settings of one value.
+    Make swept settings axes of one job, `a=[1,2]` for `a=1,2`, so that a grid of thousands of
+    points is one job. Make a job for each value of a group, of a setting that takes one value, and
+    of a key that another override refers to, such as the store's path.
 
     Raises
     ------
     ConfigurationError
-        If an axis, or the jobs, would be too many.
+        If an axis has too many values, or there are too many jobs.
     """
     lines = [str(override.input_line) for override in overrides]
     axes = {setting.key for setting in experiment.declared if not setting.not_swept}
@@ -575,7 +578,10 @@ def _check_origins(setting: Setting, values: Sequence[Value]) -> None:
 
 
 def _zipped_axes(jobs: Sequence[Job], union: Mapping[Setting, Point]) -> list[ZippedAxis]:
-    """Return the zipped axes of settings that are not crossed, or one axis of all settings."""
+    """Return zipped axes of the settings that change together.
+
+    If these axes would cross to points that no job has, return one axis of all settings instead.
+    """
 
     def make_zipped_axis(
         name: str, settings: Iterable[Setting], labels: Mapping[Point, str]

@@ -1,7 +1,7 @@
-"""The cells of a sweep: axes of every stage, its cells by number, and their keys.
+"""Plan of a sweep: the axes of every stage, its numbered cells, and their keys.
 
-Cells of a stage are numbered over its swept axes, the last axis fastest. The input cells that they
-read follow by arithmetic with arrays of such numbers.
+Cells of a stage are numbered over its swept axes, the last axis fastest. Array arithmetic on these
+numbers gives the input cells that each cell reads.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Cells = Indices  # numbers of cells of a stage
 MAX_CELLS = 10_000_000  # of a sweep, whose keys fit into memory
 HASHED_CELLS = 2**18  # cells that are hashed together
 NOT_CALLED = object()  # placeholder: this derived stage has not been called yet
-STREAM_WORDS = ("seed", "stage")  # labels in the name of a stream that no setting may have
+STREAM_WORDS = ("seed", "stage")  # reserved labels in the name of a stream
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ def make_axes(settings: Sequence[Setting], choices: Choices) -> tuple[Axis, ...]
 class InputCells(NamedTuple):
     """Cells of an input that the cells of a stage read.
 
-    `first`, (cell,), is the first input cell of each cell of the stage. `offsets`, (gathered axis,
-    ...), leads from it to the other positions on the gathered axes of the input, in the order of
+    `first`, (cell,), is the first input cell of each cell of the stage. Add `offsets`, (gathered
+    axis, ...), to it for every position on the gathered axes of the input, in the order of
     `Stage.gather`.
     """
 
@@ -83,7 +83,7 @@ class InputCells(NamedTuple):
     offsets: Cells
 
     def select(self, cells: Cells) -> Cells:
-        """Return the input cells of some cells, without repetition, (distinct, taken)."""
+        """Return the distinct input cells that cells read, (distinct first cell, offset)."""
         return np.unique(self.first[cells])[:, None] + self.offsets.ravel()
 
 
@@ -96,7 +96,7 @@ def stored_stages(stages: Iterable[BoundStage], choices: Choices) -> tuple[Bound
 def with_inputs(
     targets: Iterable[BoundStage], stages: Mapping[str, BoundStage]
 ) -> dict[str, BoundStage]:
-    """Return some stages and all their inputs, direct or not, by name in order."""
+    """Return `targets` and all their direct and indirect inputs, in the order of `stages`."""
     included = set(targets)
     for bound in reversed([*stages.values()]):  # each before its inputs
         if bound in included:
@@ -130,7 +130,7 @@ class Plan:
         self._input_cells: dict[BoundStage, dict[BoundStage, InputCells]] = {}
         self._keys: dict[BoundStage, Keys] = {}
         self._fingerprints: dict[BoundStage, str] = {}
-        self._plain_values: dict[BoundStage, NDArray[np.object_]] = {}  # by number of the cell
+        self._derived_values: dict[BoundStage, NDArray[np.object_]] = {}  # by number of the cell
         self._check_size()
         for bound in self.bound.values():
             self._check_zipped(bound)
@@ -247,7 +247,7 @@ class Plan:
         return 0 * cells if stride is None else cells // stride % len(self.axes[number].points)
 
     def first_cells(self, bound: BoundStage, cells: Cells) -> Cells:
-        """Return the cells at the first position of all axes computed together."""
+        """Map each cell to the first position of every axis that its stage computes together."""
         for number, stride in self.along_strides[bound].items():
             cells = cells - stride * self.positions(bound, number, cells)
         return cells
@@ -339,8 +339,8 @@ class Plan:
         distinct, inverse = np.unique(pairs, return_inverse=True)
         positions = []
         for pair in distinct.tolist():
-            replacing, target_position = divmod(pair, length)
-            value = self.axes[other_number].points[replacing][other_position]
+            replacement_position, target_position = divmod(pair, length)
+            value = self.axes[other_number].points[replacement_position][other_position]
             matching = [k for k, point in enumerate(axis.points) if point[position] == value]
             candidates = {tuple(axis.points[k][r] for r in used_members) for k in matching}
             if depends and target_position in matching:
@@ -362,14 +362,14 @@ class Plan:
             value = self.choices[source] if gathered else self.value(bound, source.key, cell)
             return source.in_si(value)
         input_cell = int(self.input_cells(bound)[source].first[cell])
-        if source not in self._plain_values:
-            self._plain_values[source] = np.full(self.count(source), NOT_CALLED, dtype=object)
-        results = self._plain_values[source]
+        if source not in self._derived_values:
+            self._derived_values[source] = np.full(self.count(source), NOT_CALLED, dtype=object)
+        results = self._derived_values[source]
         if results[input_cell] is NOT_CALLED:
-            results[input_cell] = self._call_plain(source, input_cell)
+            results[input_cell] = self._call_derived(source, input_cell)
         return results[input_cell]
 
-    def _call_plain(self, bound: BoundStage, cell: int) -> Value:
+    def _call_derived(self, bound: BoundStage, cell: int) -> Value:
         """Return the result of a derived stage in one of its cells."""
         arguments = bound.arguments.items()
         values = {name: self.argument_value(bound, source, cell) for name, source in arguments}
@@ -408,7 +408,7 @@ class Plan:
         return _values_by_position(codes, size, cells, partial(self.value, bound, setting.key))
 
     def stream(self, bound: BoundStage, cell: int) -> tuple[int, dict[str, Any]]:
-        """Return the seed and the names of a cell's noise stream; see `resolve.streams`."""
+        """Return the arguments of `cell_rng` for a cell: the seed, and the name of its stream."""
         name: dict[str, Any] = {"stage": self._stream_name(bound)}
         for label, setting, optional in self._stream_settings(bound):
             value = self.value(bound, setting.key, cell)
@@ -422,8 +422,8 @@ class Plan:
     def _stream_settings(self, bound: BoundStage) -> list[tuple[str, Setting, bool]]:
         """Return label, setting and optionality of the settings that name a stream.
 
-        A setting's label is its name, or its key if the stream has no `Stream`; where that is
-        taken, the key with a word before it, which is never taken.
+        A label is the setting's name, or its key if the stage declares no `Stream`. If the label
+        is reserved or not unique, it is `setting KEY` instead, which is always unique.
         """
         stream, by_key = bound.stage.stream, self.experiment.by_key
         if stream is None:
@@ -491,8 +491,8 @@ class Plan:
             settings = [("", Run.seed, False), *self._stream_settings(bound)]
             for label, setting, optional in settings:
                 values, codes = self._factorise_setting(bound, setting, cells)
-                counting = (value for value in values if value or not optional)
-                tokens = {value: f"{label}~{value_token(value)}" for value in counting}
+                counted_values = (value for value in values if value or not optional)
+                tokens = {value: f"{label}~{value_token(value)}" for value in counted_values}
                 fold(keys, hash_texts(tokens.get(value, "") for value in values)[codes])
         return keys
 
@@ -538,11 +538,12 @@ def _values_by_position(
 ) -> tuple[tuple[Value, ...], Cells]:
     """Return the values at distinct positions, and each cell's index into them.
 
-    `value` is called with one cell of each position, which is below `size`.
+    `codes` are the positions of `cells`, all below `size`. Call `value` with one cell of each
+    distinct position.
     """
-    occurs, representative = np.zeros(size, dtype=bool), np.zeros(size, dtype=np.int64)
-    occurs[codes], representative[codes] = True, cells
-    return tuple(map(value, representative[occurs].tolist())), (np.cumsum(occurs) - 1)[codes]
+    is_used, representative = np.zeros(size, dtype=bool), np.zeros(size, dtype=np.int64)
+    is_used[codes], representative[codes] = True, cells
+    return tuple(map(value, representative[is_used].tolist())), (np.cumsum(is_used) - 1)[codes]
 
 
 def _setting_keys(stages: Iterable[BoundStage]) -> set[str]:

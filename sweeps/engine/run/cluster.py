@@ -52,8 +52,10 @@ class ClusterChoice:
     kind: str = "local"
     workers: int | None = None  # processes, by default one per core, or jobs
     address: str | None = None
-    ca_file: str | None = None  # PEM files for a `tls://` address: the authority, and certificate
-    cert: str | None = None  # and private key of this client; the key may be in the certificate's
+    # PEM files for a `tls://` address: certificate authority, and certificate and private key of
+    # this client; the key may be in the certificate's file.
+    ca_file: str | None = None
+    cert: str | None = None
     private_key: str | None = None
     queue: str | None = None
     account: str | None = None
@@ -72,12 +74,12 @@ class ClusterChoice:
                 raise _setting_error(name, value, f"null {condition}")
             elif name in PATTERNS and not re.fullmatch(PATTERNS[name][0], value):
                 raise _setting_error(name, value, PATTERNS[name][1])
-        encrypted = str(self.address).startswith("tls://")
+        is_encrypted = str(self.address).startswith("tls://")
         for name in ("ca_file", "cert", "private_key"):
             path = getattr(self, name)
-            if path is not None and not encrypted:
+            if path is not None and not is_encrypted:
                 raise _setting_error(name, path, "null unless cluster.address begins with tls://")
-            if path is None and encrypted and name != "private_key":
+            if path is None and is_encrypted and name != "private_key":
                 raise _setting_error(name, None, "a PEM file if cluster.address begins with tls://")
             if path is not None and not Path(path).is_file():
                 raise _setting_error(name, path, "an existing PEM file")

@@ -1,8 +1,8 @@
 """Executors on a dask cluster: of this machine, of Slurm, or one that is already running.
 
-Tasks arrive as pickled functions, so a client of a worker can run code there. Hence scheduler
-and workers started here accept only holders of a certificate that is made for the run
-and never readable by another user; processes of this machine listen on loopback only.
+Tasks are pickled functions, so any client of a worker can run code there. Therefore the scheduler
+and workers started here accept only holders of a certificate made for the run, which no other user
+can read; processes of this machine listen on loopback only.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ DASK_SETTINGS = {
 SCHEDULER = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
 COUNT_INTERVAL = 1.0  # s between counts of a running cluster's workers
-ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # for a scheduler's answer; for its first worker
+ANSWER_SECONDS, ARRIVAL_SECONDS = 10, 60  # s to wait for a scheduler; for its first worker
 CHECK_INTERVAL = 1.0  # s between checks of workers
 JOB_INTERVAL = 10.0  # s between checks whether a job has ended, for example by its time limit
-LOST_SECONDS = 30.0  # s until a job whose worker is gone, but might restart it, counts as ended
+LOST_SECONDS = 30.0  # s in which a job may restart a lost worker before it counts as ended
 MAX_FAILED_CHECKS = 3  # in a row without a worker, after which no more jobs are submitted
 SCHEDULER_GONE = "the scheduler of the cluster is gone; the same command resumes the sweep"
 
-SCRATCH = "temporary-directory"
+SCRATCH_SETTING = "temporary-directory"
 # Removing a scratch folder must not fail for a file that a dying worker still writes.
-CLEANUP: dict[str, Any] = {"ignore_cleanup_errors": True}
+CLEANUP_OPTIONS: dict[str, Any] = {"ignore_cleanup_errors": True}
 
 # Runs all tasks of this process; a daemon thread, unlike threads of `concurrent.futures`.
 _thread = ThreadPoolExecutor(1, thread_name_prefix="task")
@@ -91,19 +91,19 @@ class DaskExecutor:
 
     def __init__(self, client: Client, workers: int | None, shared: Requirements) -> None:
         self._client = client
-        self._workers, self._last_count, self._next_count = workers, 1, 0.0
+        self._workers, self._last_count, self._recount_at = workers, 1, 0.0
         self._shared = shared
-        self._cancelled: Exception = SweepIncompleteError(SCHEDULER_GONE)
+        self._cancel_error: Exception = SweepIncompleteError(SCHEDULER_GONE)
         self._completed = as_completed(loop=client.loop)
         self._running: dict[Future, int] = {}
 
     @property
     def worker_count(self) -> int:
         """Number of started processes or, on a running cluster, of those present a moment ago."""
-        if self._workers is None and time.monotonic() >= self._next_count:  # called with every task
+        if self._workers is None and time.monotonic() >= self._recount_at:  # called with every task
             with suppress(OSError):  # the scheduler may be gone, as `wait` finds out
                 self._last_count = max(1, len(self._client.nthreads()))
-            self._next_count = time.monotonic() + COUNT_INTERVAL
+            self._recount_at = time.monotonic() + COUNT_INTERVAL
         return self._workers or self._last_count
 
     def submit(self, number: int, function: Callable[..., Any], *arguments: Any) -> None:
@@ -127,7 +127,7 @@ class DaskExecutor:
 
     async def abandon(self, why: str) -> None:
         """Cancel all tasks, for which `wait` then raises ConfigurationError."""
-        self._cancelled = ConfigurationError(why)
+        self._cancel_error = ConfigurationError(why)
         await self._client.cancel([*self._running], asynchronous=True)
 
     def _outcome(self, future: Future, results: Mapping[Future, Any]) -> TaskResult:
@@ -135,7 +135,7 @@ class DaskExecutor:
         if future in results:
             return number, results[future], None
         if future.cancelled():
-            raise self._cancelled
+            raise self._cancel_error
         try:
             return number, future.result(), None
         except KilledWorker:
@@ -161,8 +161,8 @@ def local(
     quiet = {"DASK_LOGGING__DISTRIBUTED": "critical"}
     with ExitStack() as stack:
         # In dask's common scratch folder, all would wait for a lock that any user may hold.
-        scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **CLEANUP))
-        settings = {SCRATCH: scratch, "distributed.worker.multiprocessing-method": method}
+        scratch = stack.enter_context(TemporaryDirectory(prefix="sweep-", **CLEANUP_OPTIONS))
+        settings = {SCRATCH_SETTING: scratch, "distributed.worker.multiprocessing-method": method}
         stack.enter_context(_dask_environment(DASK_SETTINGS | settings, ENVIRONMENT | quiet))
         try:
             with block_interrupts():
@@ -185,7 +185,7 @@ def local(
                 "cluster.kind is local, but no worker process can be started here "
                 f"({cause}); it may be inline"
             ) from error
-        stack.enter_context(_replacing_workers(cluster, count, every=CHECK_INTERVAL))
+        stack.enter_context(_maintain_workers(cluster, count, every=CHECK_INTERVAL))
         yield DaskExecutor(stack.enter_context(Client(cluster)), count, shared)
 
 
@@ -230,16 +230,16 @@ def slurm(
 ) -> Iterator[DaskExecutor]:
     """Submit Slurm jobs with some settings, and cancel them at the end.
 
-    Until then, a private folder in the current directory, which the jobs must be able to read, has
-    the certificate of the run and the output of the jobs.
+    Until then, a private folder in the current directory holds the certificate of the run and the
+    output of the jobs. The jobs must be able to read it.
     """
     jobs = max(1, min(workers, tasks))
     say(f"submitting {jobs} job{'s' if jobs > 1 else ''} to Slurm")
     settings = DASK_SETTINGS | {"distributed.deploy.lost-worker-timeout": f"{LOST_SECONDS}s"}
     with ExitStack() as stack:
-        private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **CLEANUP)
+        private = TemporaryDirectory(prefix=".sweep-", dir=os.getcwd(), **CLEANUP_OPTIONS)
         folder = stack.enter_context(private)
-        stack.enter_context(_dask_environment(settings | {SCRATCH: folder}, ENVIRONMENT))
+        stack.enter_context(_dask_environment(settings | {SCRATCH_SETTING: folder}, ENVIRONMENT))
         try:
             with block_interrupts():
                 cluster = stack.enter_context(_make_slurm_cluster(Path(folder), options))
@@ -250,7 +250,7 @@ def slurm(
             raise ConfigurationError(problem) from error
         run = DaskExecutor(stack.enter_context(Client(cluster)), jobs, shared)
         look = _SlurmQueue(cluster, run, Path(folder), say).check
-        stack.enter_context(_replacing_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
+        stack.enter_context(_maintain_workers(cluster, jobs, every=JOB_INTERVAL, look=look))
         yield run
 
 
@@ -332,7 +332,7 @@ class _SlurmQueue:
         self._failed_checks = 0  # checks that found ended jobs, since there was a worker
 
     async def check(self) -> None:
-        """Mark ended jobs; say why all others wait; give up if jobs end without a worker."""
+        """Mark ended jobs, report why others wait, and give up if jobs end without a worker."""
         jobs = [job for job in self._cluster.workers.values() if job.job_id]
         command = ("squeue", "--me", "--noheader", "--format=%A %t %r")
         process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=DEVNULL)
@@ -361,7 +361,7 @@ class _SlurmQueue:
 
 
 @contextmanager
-def _replacing_workers(
+def _maintain_workers(
     cluster: Any, count: int, *, every: float, look: Callable[[], Awaitable[None]] | None = None
 ) -> Iterator[None]:
     """Replace dead workers, checking every few seconds.
@@ -393,8 +393,8 @@ def _dask_environment(settings: Mapping[str, Any], variables: Mapping[str, str])
     # Failures come back with their tasks; dask's other messages are not needed.
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     levels = [logger.level for logger in loggers]
-    # A variable of this process overrides the one configured for dask's workers,
-    # and dask sets those variables, and the seed of hashes, in this process.
+    # A variable of this process overrides the value configured for workers, so set both. dask
+    # also sets these variables, and the hash seed, in this process, so restore them afterwards.
     settings = {**settings, "distributed.nanny.pre-spawn-environ": dict(variables)}
     with environment(variables, "PYTHONHASHSEED"), dask.config.set(settings):
         for logger in loggers:

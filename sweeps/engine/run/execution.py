@@ -62,8 +62,8 @@ def execute(
     shapes: dict[tuple[str, str], tuple[int, ...]] = {}
     failures: Failures = []
     under_way: dict[int, Task] = {}
-    # A worker that dies, for example out of memory, takes other tasks with it. So each of their
-    # calls runs again, alone, when nothing else is left to run.
+    # A worker that dies, for example out of memory, also loses its other tasks. Run each of their
+    # calls again, alone, after everything else, to find the call that kills the worker.
     suspects: deque[Task] = deque()
     isolated = False  # whether the running task is a suspect
     numbers = count()

@@ -1,7 +1,7 @@
 """Fork server: a process that imports the modules of workers, which are forked from it.
 
-A forked worker shares the memory of modules imported before. This process has only one
-thread, so that forking it is safe.
+Forked workers share the memory of modules that the server has imported. The server has a single
+thread, so forking it is safe.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from multiprocessing.spawn import get_preparation_data
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.run.process import ONE_THREAD, environment
 
-# Environment of new worker processes: libraries read it only when they start. The allocator keeps
-# 256 MiB of freed memory and maps arrays from 32 MiB on, its largest threshold: with dask's 64 KiB,
-# requests for memory take a quarter of the time of array-heavy tasks.
+# Environment of new worker processes, since libraries read it only at start. malloc keeps 256 MiB
+# of freed memory, and maps only arrays from 32 MiB, its largest threshold. With dask's 64 KiB,
+# allocation takes a quarter of the time of array-heavy tasks.
 TRIM_BYTES, MMAP_BYTES = 2**28, 2**25
 ENVIRONMENT = ONE_THREAD | dict(
     MALLOC_TRIM_THRESHOLD_=str(TRIM_BYTES), MALLOC_MMAP_THRESHOLD_=str(MMAP_BYTES)

@@ -60,7 +60,7 @@ def defer_signals() -> Iterator[None]:
     }
     hook = sys.unraisablehook
     _state.number, _state.interruptible, _state.handled = None, 0, True
-    # Print no `Stopped` that the interpreter cannot raise.
+    # Do not print a `Stopped` raised where Python ignores exceptions, as in `__del__`.
     sys.unraisablehook = lambda error: issubclass(error.exc_type, Stopped) or hook(error)
     for number in previous:
         signal.signal(number, _handle_signal)
@@ -80,7 +80,7 @@ def raise_if_stopped() -> None:
 
 @contextmanager
 def allow_interrupts() -> Iterator[None]:
-    """Let a signal raise `Stopped` at any moment of this context, including the first."""
+    """Let signals raise `Stopped` within this context, and on entry if one has arrived."""
     if not _handles_signals():
         yield
         return

@@ -13,8 +13,8 @@ from typing import Any
 from rich.console import Console
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
-# Environment of numerical libraries. Tasks are the parallelism, results must not depend on how a
-# product is split, and threads that wait for one another spin when a neighbour has the cores.
+# Limit numerical libraries to one thread: tasks already run in parallel, results must not depend
+# on how a matrix product is split, and waiting threads spin while other tasks use the cores.
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "MKL", "OPENBLAS", "NUMEXPR")}
 
 # output: a full disk, a closed pipe or a limited terminal costs no results
@@ -27,21 +27,21 @@ def say(name: str, sentence: str) -> None:
         sys.stderr.flush()
 
 
-_unwritten: list[str] = []  # errors of writing to stdout
+_write_errors: list[str] = []  # errors of writing to stdout
 
 
 @contextmanager
 def guarded_stdout() -> Iterator[None]:
-    """Print to stdout within this context: ignore a closed pipe, and keep other errors.
+    """Within this context, ignore a closed stdout, and record other errors of writing to it.
 
-    `flush_output` returns the first one.
+    `flush_output` returns the first recorded error.
     """
     try:
         yield
     except (BrokenPipeError, ValueError, SystemExit):  # rich ends the process for a closed pipe
         pass
     except OSError as error:
-        _unwritten.append(error.strerror or str(error))
+        _write_errors.append(error.strerror or str(error))
 
 
 def show(printable: Any) -> None:
@@ -52,15 +52,15 @@ def show(printable: Any) -> None:
 
 def flush_output() -> str:
     """Flush stdout; return the first error of writing to it, unless its reader has ended."""
-    flushed = sys.stdout is None
+    is_flushed = sys.stdout is None
     with guarded_stdout():
         if sys.stdout is not None:
             sys.stdout.flush()
-        flushed = True
-    if not flushed:  # else Python tries again when it ends, and exits with 120
+        is_flushed = True
+    if not is_flushed:  # else Python tries again when it ends, and exits with 120
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    reason = _unwritten[0] if _unwritten else ""
-    _unwritten.clear()
+    reason = _write_errors[0] if _write_errors else ""
+    _write_errors.clear()
     return reason
 
 
@@ -105,11 +105,11 @@ def call_every(seconds: float, function: Callable[[], object]) -> Iterator[None]
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Limit numerical libraries, including ones loaded meanwhile, to one thread."""
-    with environment(ONE_THREAD), _libraries(len(sys.modules)).limit(limits=1):
+    with environment(ONE_THREAD), _find_libraries(len(sys.modules)).limit(limits=1):
         yield
 
 
 @lru_cache(maxsize=1)
-def _libraries(modules: int) -> ThreadpoolController:
+def _find_libraries(modules: int) -> ThreadpoolController:
     """Return the numerical libraries; the search takes 30 ms, and is repeated after imports."""
     return ThreadpoolController()

@@ -132,17 +132,17 @@ class CallQueue:
                 inputs, codes = np.unique(first[cells], return_inverse=True)
                 count = len(self._objects)
                 keys = concatenate(self._objects, self._plan.keys(source)[inputs])
-                of_first, number = unique_keys(keys)
-                self._objects = keys[of_first]
+                first_indices, number = unique_keys(keys)
+                self._objects = keys[first_indices]
                 objects += [*self._object_numbers(source, first[cells]), number[count:][codes]]
         return objects
 
     def take_task_calls(
         self, costs: Mapping[str, float], size: float, shared_size: float
     ) -> Iterator[Call]:
-        """Remove and yield calls that take about `size` seconds, by the stages' costs of a cell.
+        """Remove and yield calls that take about `size` seconds, at `costs` seconds per cell.
 
-        Yields at least one call. Calls that share their first two in-memory objects and need a
+        Yield at least one call. Calls that share their first two in-memory objects and need a
         third stay in one task of up to `shared_size` seconds, because each task rebuilds objects.
         """
         seconds, count = 0.0, 0
@@ -271,13 +271,13 @@ class Schedule:
                 needed_cells[inputs.source][inputs.select(cells)] = True
         self._missing = {bound: cells for bound, cells in missing.items() if len(cells)}
         self._unfinished = Counter({bound: len(cells) for bound, cells in self._missing.items()})
-        maker = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
+        producer = np.full(len(self.locations), -1, np.int16)  # the stage that computes a result
         for number, (bound, cells) in enumerate(self._missing.items()):
-            maker[self.results[bound][cells]] = number
+            producer[self.results[bound][cells]] = number
         stages = [*self._missing]
-        made_by = {bound: self._producer_stages(bound, maker) for bound in stages}
+        producer_ids = {bound: self._producer_stages(bound, producer) for bound in stages}
         self._producers = {
-            bound: [stages[n] for n in numbers if n >= 0] for bound, numbers in made_by.items()
+            bound: [stages[n] for n in numbers if n >= 0] for bound, numbers in producer_ids.items()
         }
         # Every stage with missing cells, their number, and the number of calls.
         self.missing_cells = [
@@ -292,17 +292,17 @@ class Schedule:
         self._calls = CallQueue(plan)
         self._queue_ready()
 
-    def _producer_stages(self, bound: BoundStage, maker: NDArray[np.int16]) -> set[int]:
+    def _producer_stages(self, bound: BoundStage, producer: NDArray[np.int16]) -> set[int]:
         """Return the numbers of the stages that make the inputs of a stage and of its objects."""
-        makers: set[int] = set()
+        producers: set[int] = set()
         for source, *_ in self.plan.computed_inputs(bound):
             if source.stage.is_cached:
                 results = self.results[source]
-                counts = np.bincount(maker[results[results >= 0]] + 1)
-                makers |= {*(np.flatnonzero(counts) - 1).tolist()}
+                counts = np.bincount(producer[results[results >= 0]] + 1)
+                producers |= {*(np.flatnonzero(counts) - 1).tolist()}
             else:
-                makers |= self._producer_stages(source, maker)
-        return makers
+                producers |= self._producer_stages(source, producer)
+        return producers
 
     def _number_results(self, bound: BoundStage, cells: Cells, earlier: list[range]) -> Cells:
         """Number the results of cells; return one cell of each missing result.
@@ -360,9 +360,9 @@ class Schedule:
                 self._calls.add(calls)
 
     def _computable_cells(self, bound: BoundStage, cells: Cells) -> Cells:
-        """Return the cells of a stage whose inputs have not failed.
+        """Return the cells to compute: fail cells that lack an input, and reuse cached results.
 
-        A result that gathers failed inputs has another key, and may be in the cache.
+        A result that gathers failed inputs has another key, under which the cache may hold it.
         """
         if not self.failed:
             return cells
@@ -372,7 +372,7 @@ class Schedule:
         for cell in cells[uncomputable].tolist():
             failed_input = self._name_failed_input(bound, failed_inputs, cell)
             reason = f"needs {failed_input}, which failed"
-            self._fail(bound, int(self.results[bound][cell]), reason)
+            self._record_failure(bound, int(self.results[bound][cell]), reason)
         cells = cells[~uncomputable]
         results = self.results[bound][cells]
         keys = self.plan.hash_cells(bound, cells, self._current_keys)
@@ -380,7 +380,7 @@ class Schedule:
         self.locations.keys[results[changed]] = keys[changed]
         cached = self._index.find(keys[changed])
         reused = changed[cached.present]
-        self._finish(
+        self._record_results(
             bound, results[reused], cached.pack[cached.present], cached.row[cached.present]
         )
         return np.delete(cells, reused)
@@ -416,7 +416,7 @@ class Schedule:
         return self._uncomputable_cells(bound, failed_inputs, self.plan.cells(bound))
 
     def _current_keys(self, bound: BoundStage) -> Keys:
-        """Return the keys of a stage's cells, given the failed inputs."""
+        """Return the keys of a stage's cells, with `FAILED_KEY` for failed results."""
         if bound.stage.is_cached:
             keys = self.locations.keys[self.results[bound]]
         elif bound in self._object_keys:
@@ -432,7 +432,7 @@ class Schedule:
     def next_task(self, workers: int) -> Task:
         """Remove and return the next task of the calls that are ready; empty if there is none.
 
-        `workers` tasks run at once: towards the end they get shorter, so that none idles.
+        `workers` tasks run at once, and get shorter towards the end, so that no worker idles.
         """
         costs = defaultdict(lambda: UNTIMED_SECONDS, self.costs)
         remaining = sum(costs[bound.name] * cells for bound, cells in self._calls.load.items())
@@ -492,8 +492,8 @@ class Schedule:
     ) -> Batch:
         """Return a batch of calls that begin at the cells `firsts`, (call,).
 
-        `grid` has the offsets of a call's other cells, with one axis for each axis computed
-        together. `computed` are other fields of `Batch`.
+        `grid` has the offsets of a call's cells from its first one, with one axis for each axis
+        computed together. `computed` are further fields of `Batch`.
         """
         plan = self.plan
         arguments: dict[str, Argument] = {}
@@ -506,8 +506,8 @@ class Schedule:
                 arguments[name] = self._bind_object(bound, source, firsts)
             else:
                 locations, present = self._locate_input(bound, source, firsts, grid)
-                reading = bound.stage.reads.get(name)
-                in_blocks = isinstance(reading, At) and reading.in_blocks
+                declared_input = bound.stage.reads.get(name)
+                in_blocks = isinstance(declared_input, At) and declared_input.in_blocks
                 arguments[name] = StoredArgument(stage_spec(source.stage), locations, in_blocks)
                 valid &= present
         return Batch(
@@ -549,7 +549,7 @@ class Schedule:
     def _locate_input(
         self, bound: BoundStage, source: BoundStage, firsts: Cells, grid: Cells
     ) -> tuple[Locations, Flags]:
-        """Return the locations of an input, and by call a mask on the gathered axes."""
+        """Return the locations of an input, and whether it is present, (call, gathered axis...)."""
         _, first, offsets = self.plan.input_cells(bound)[source]
         # The input is constant along axes on which it does not depend.
         input_grid = grid[tuple(slice(None) if key in source.needs else 0 for key in bound.along)]
@@ -582,9 +582,9 @@ class Schedule:
                 self._calls.retry(bound, cells)
             else:
                 failures.append(failure._replace(name=self.plan.cell_name(bound, int(cells[0]))))
-                self._fail(bound, int(planned.results[number]), failure.reason)
+                self._record_failure(bound, int(planned.results[number]), failure.reason)
         results = planned.results[done]
-        self._finish(bound, results, pack, np.arange(len(results), dtype=np.int32))
+        self._record_results(bound, results, pack, np.arange(len(results), dtype=np.int32))
         self.progress[name].seconds += outcome.seconds
         if outcome.seconds and len(results):
             cell_seconds = outcome.seconds / len(results)  # of the calls that succeeded
@@ -601,18 +601,18 @@ class Schedule:
             for begin, end in pairwise(planned.batch.begins.tolist())
         ]
 
-    def _finish(self, bound: BoundStage, results: Indices, pack: Any, row: Any) -> None:
+    def _record_results(self, bound: BoundStage, results: Indices, pack: Any, row: Any) -> None:
         self.locations.pack[results], self.locations.row[results] = pack, row
         self.progress[bound.name].done += len(results)
         self._unfinished[bound] -= len(results)
 
-    def _fail(self, bound: BoundStage, result: int, reason: str) -> None:
+    def _record_failure(self, bound: BoundStage, result: int, reason: str) -> None:
         self.failed[result] = reason
         self.progress[bound.name].failed += 1
         self._unfinished[bound] -= 1
 
     def remaining_seconds(self) -> dict[str, float]:
-        """Return the seconds that missing cells take, by stage; the median for untimed stages."""
+        """Estimate the seconds left by stage; untimed stages take the median of timed ones."""
         stages = {name: progress for name, progress in self.progress.items() if progress.total}
         timed = [name for name in stages if name in self.costs]
         totals = {name: self.costs[name] * stages[name].total for name in timed}

@@ -46,7 +46,7 @@ class Requirements(NamedTuple):
 
 @cache
 def _check_marker(packs: Objects, mark: str) -> None:
-    """Raise `RequirementError` without a marker here, or if the folder is another user's."""
+    """Raise `RequirementError` if the marker is absent, or others may write to the folder."""
     content = None
     with suppress(OSError):
         content = packs.get(mark)

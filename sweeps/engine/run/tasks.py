@@ -1,4 +1,4 @@
-"""Tasks of a worker, which reads or makes the inputs of calls and packs their results.
+"""Run tasks on a worker: read or build the inputs of calls, and pack their results.
 
 A task has batches of calls, each of one function. A call computes one cell, or several along the
 axes that its stage computes together. A batch has the arguments of all its calls: plain values,
@@ -228,7 +228,7 @@ class _RunningBatch:
             self.damaged_inputs[number] = error.args
             return
         except RAISED as error:
-            if batch.streams:  # from which the generator can be made again
+            if batch.streams:  # enough to recreate the generator
                 seed, name = batch.streams[number]
                 arguments[RNG] = f"cell_rng({seed}, **{name})"
             failure = Failure(
@@ -244,7 +244,7 @@ class _RunningBatch:
             self.shapes.add((stage.name, output, cells[0][output].shape))
 
     def _call_and_check(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
-        """Return each wanted cell of a call's result."""
+        """Call the function, check its result, and return the arrays of each cell."""
         batch, stage = self.batch, self.batch.stage
         try:
             result = self.function(**arguments)
@@ -378,7 +378,7 @@ def _get_object(batch: Batch, number: int, packs: Objects) -> Any:
 class GatheredArray:
     """The arrays of many cells as one array, read when it is indexed.
 
-    `reshape` and indices, as of numpy, apply to the axes of cells only.
+    `reshape` and indexing work as in numpy, but only on the axes of cells.
     """
 
     stage: StageSpec
@@ -397,7 +397,7 @@ class GatheredArray:
         return self.shape[0]
 
     def reshape(self, *shape: int) -> GatheredArray:
-        """Return the array with other axes of cells."""
+        """Return the array with reshaped axes of cells; `shape` includes the axes of a cell."""
         cell_ndim = len(self.shape) - self.locations.pack.ndim
         return replace(self, locations=self.locations.reshape(*shape[: len(shape) - cell_ndim]))
 
@@ -519,7 +519,7 @@ def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...
 
 
 def _split_mask(values: Any) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Return an array, or a stack of a list of arrays, with 0 for masked values, and its mask."""
+    """Return values as an array, with 0 where masked, and its mask; stack lists of arrays."""
     is_list = isinstance(values, list | tuple)
     if isinstance(values, np.ma.MaskedArray) or (
         is_list and any(isinstance(value, np.ma.MaskedArray) for value in values)
