@@ -68,7 +68,7 @@ def sweep(overrides: Sequence[str], folder: Path) -> SweepCost:
 
     Returns
     -------
-    Swept
+    SweepCost
 
     Raises
     ------

@@ -27,7 +27,7 @@ def measure(*, most: int = MANY) -> Report:
     Parameters
     ----------
     most : int
-        Largest number of cells, from 100,000 on in steps of ten.
+        Largest number of cells; the numbers grow from 100,000 by factors of ten.
 
     Returns
     -------

@@ -175,8 +175,8 @@ def new_pyrender(platform: str) -> Method:
 def vertices_of(mesh: trimesh.Trimesh) -> NDArray[np.float64]:
     """Return a copy of the vertices of a ship, (vertex, 3) [m].
 
-    Views into the mesh's own array would make trimesh hash it again at the next check for changes,
-    as this library makes: that added 0.4 ms to lines.
+    A view into the mesh's array would make trimesh hash the array again whenever this library
+    checks the mesh for changes, which added 0.4 ms to lines.
     """
     return np.array(mesh.vertices)
 

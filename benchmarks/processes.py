@@ -24,14 +24,14 @@ class Run:
     Attributes
     ----------
     seconds : float
-        Time that passed.
+        Wall time [s].
     cpu : float
-        Time that all its processes computed, as seen some twenty times a second [s].
+        Processor time of all its processes, sampled some twenty times a second [s].
     together : float
-        Most memory that all its processes held at one time, shared pages counted once [MiB].
+        Peak memory of all its processes together, shared pages counted once [MiB].
     driver, worker : float
-        Most memory that the command's own process held, and the largest of those that it started,
-        shared pages included [MiB].
+        Peak memory of the command's process, and of the largest process that it started, shared
+        pages included [MiB].
     output : str
         Their output.
     """
@@ -71,7 +71,7 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
     """
     highest = together = 0.0
     peaks: defaultdict[int, float] = defaultdict(float)
-    # Count while they run: nobody waits for a process whose parent has ended.
+    # Sample running processes: the time of orphans is never added to that of this process.
     computed: dict[int, float] = {}
     with tempfile.TemporaryFile(mode="w+", encoding="utf-8", errors="replace") as output:
         cpu, start = _children_cpu(), time.perf_counter()
@@ -88,7 +88,7 @@ def watch(command: Sequence[str], *, cores: int) -> Run:
             # Counting shared pages takes milliseconds a process: only at a new high.
             if sum(resident.values()) > highest:
                 highest = sum(resident.values())
-                together = max(together, sum(map(_own_share, resident)))
+                together = max(together, sum(map(_proportional_memory, resident)))
             try:
                 process.wait(INTERVAL)
                 break
@@ -113,7 +113,7 @@ def peak_memory(pid: int | None = None) -> float:
     Its present memory where the system keeps no peak; 0 when it has ended.
     """
     process = os.getpid() if pid is None else pid
-    # Not `ru_maxrss`, in which a process begins with that of its parent.
+    # Do not use `ru_maxrss`: a child process inherits its parent's value.
     try:
         lines = Path(f"/proc/{process}/status").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -140,10 +140,10 @@ def _resident_memory(pid: int) -> dict[psutil.Process, float]:
     return memory
 
 
-def _own_share(process: psutil.Process) -> float:
-    """Return the memory of a process [MiB], with 1/n of each page that n processes share.
+def _proportional_memory(process: psutil.Process) -> float:
+    """Return the proportional set size of a process [MiB]: 1/n of a page that n processes share.
 
-    Its resident memory where the system keeps no such count; 0 when it has ended.
+    Return its resident memory where the system keeps no such count, and 0 if it has ended.
     """
     try:
         memory = process.memory_full_info()

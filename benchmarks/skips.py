@@ -30,14 +30,14 @@ from ncti.render.view import ROLL, View
 
 SLANT_RANGE = 50e3  # [m]
 SIGNAL: dict[str, Any] = {"pulse_width": 30e-9, "cnr": 10**3.2}
-TURNS, LONG = 20, 10.0  # of the two ways; seconds after which there are no more
+TURNS, LONG = 20, 10.0  # rounds of both ways; seconds after which no further round begins
 PREFIXES = (4, 8, 16, 32)
 VIGILANCES = (0.80, 0.85, 0.90, 0.95, 0.99)
 ASPECT = 40.0
 VIEW: dict[str, Any] = {"aspect": ASPECT, "depression": DEPRESSION}
 LOOKS = 7  # the laser radar and the imager at three ranges, and the training silhouettes
 DRAWN = 3  # of them, one at each range
-SEEN_FROM = tuple(product(range(0, 360, 15), (0, 2, 5, 10, 20, 35, 50, 70, 90)))
+VIEWPOINTS = tuple(product(range(0, 360, 15), (0, 2, 5, 10, 20, 35, 50, 70, 90)))
 EVERY_LINE = np.int64(0), np.int64(0)  # keep all lines
 FINE = 0.0625  # m; between lines that look for facets that are never seen
 
@@ -55,7 +55,7 @@ class Skip:
     skipping, plain : callable
         The two ways.
     exact : bool
-        Whether results are equal: not where they are other random numbers of one distribution.
+        Whether the results are equal; False if they are different draws of one distribution.
     """
 
     name: str
@@ -88,13 +88,13 @@ def measure(ship: str, *, repeats: int) -> Report:
     with threadpool_limits(1), patch_constant(threads, "thread_count", lambda: 1):
         for skip in skips(ncti.ships.load(ship), source_task()):
             ways = (skip.skipping, skip.plain)
-            with_, without = time_in_turn(ways, repeats=TURNS * repeats, limit=LONG).T
+            with_skip, without = time_in_turn(ways, repeats=TURNS * repeats, limit=LONG).T
             rows.append(
                 {
                     "skip": skip.name,
-                    "with_ms": Sample.of(1e3 * with_),
+                    "with_ms": Sample.of(1e3 * with_skip),
                     "without_ms": Sample.of(1e3 * without),
-                    "ratio": Sample.of(without / with_),
+                    "ratio": Sample.of(without / with_skip),
                     "difference": skip.difference() if skip.exact else None,
                 }
             )
@@ -125,12 +125,12 @@ def skips(mesh: trimesh.Trimesh, task: Task) -> Iterator[Skip]:
     yield sea_window(line_image(mesh, **VIEW))
     yield Skip(
         f"similarity shared by {len(VIGILANCES)} vigilances",
-        lambda: name_together(task),
-        lambda: name_one_by_one(task),
+        lambda: identify_with_shared_cosines(task),
+        lambda: identify_per_vigilance(task),
     )
 
 
-def name_one_by_one(task: Task) -> Array:
+def identify_per_vigilance(task: Task) -> Array:
     """Return the ships named by one network per vigilance, (vigilance, test)."""
     return np.array(
         [
@@ -142,7 +142,7 @@ def name_one_by_one(task: Task) -> Array:
     )
 
 
-def name_together(task: Task) -> Array:
+def identify_with_shared_cosines(task: Task) -> Array:
     """Return the same from shared cosines, (vigilance, test)."""
     similarities = Similarities.of(task.training, task.tests)
     answers = []
@@ -213,7 +213,7 @@ def trace_lines(hull: Surfaces, used: NDArray[np.bool_]) -> Array:
 def visible_mask(mesh: trimesh.Trimesh) -> NDArray[np.bool_]:
     """Return the mask of surfaces that lines see from some view around and above."""
     visible = np.zeros(len(Surfaces.of(mesh).area), dtype=bool)
-    for aspect, depression in SEEN_FROM:
+    for aspect, depression in VIEWPOINTS:
         image = line_image(mesh, aspect=aspect, depression=depression, spacing=FINE)
         visible[image.surface] = True
     return visible

@@ -1,4 +1,4 @@
-"""Timing of functions in turn, so that other load affects all of them alike."""
+"""Interleaved timing of functions, so that other load affects all of them equally."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class TimedView:
     Attributes
     ----------
     wall, cpu : float
-        Time that passed, and that all threads of the process computed [s].
+        Wall time, and processor time of all threads of the process [s].
     yardstick : float
         Time that passed for the yardstick [s].
     profile : (bin,) float64 ndarray
@@ -114,9 +114,9 @@ def measure(
 
     Notes
     -----
-    OpenGL has one platform a process, so every method has a process of its own, in which the
-    yardstick is timed beside it, before it in every other view. The processes take turns view
-    by view, one at a time: what slows the machine for a while slows all of them.
+    OpenGL allows one platform per process, so each method runs in a separate process, where the
+    yardstick is timed before the method in every other view, and after it in the rest. Processes
+    take turns view by view, so that a temporary slowdown of the machine affects all of them.
     """
     with ExitStack() as running:
         running.enter_context(environment(ONE_THREAD))  # which the processes inherit

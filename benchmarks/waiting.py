@@ -1,4 +1,4 @@
-"""Times of a command's steps, by a clock outside of it [s]."""
+"""Wall times of a command's steps, measured by its parent process [s]."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The command `ncti-sweep`, and the report after a sweep: tables, page and pictures.
 
-Imports are inside functions: the first message comes before the imports, which take
-a second, and an interrupt meanwhile is reported as one.
+Imports are inside functions, so that the first message precedes the imports, which take
+a second, and an interrupt during them is reported as an interrupt.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sweeps.engine.sweeping import SweepOutcome
 
 NAME, EXPLAIN = "ncti-sweep", "--explain"
-_until_exit: list[ExitStack] = []
+_deferred_signals: list[ExitStack] = []
 REPORT_MODULES = ("sweeps.report.summary", "sweeps.report.page.write", "matplotlib.figure")
 MULTIRUN = ("-m", "--multirun")  # options with which the command still runs a sweep
 
@@ -62,8 +62,8 @@ def main(arguments: Sequence[str] | None = None, *modules: Any) -> None:
         except DeclarationError as error:
             _say(str(error))
             status = 2
-        if arguments is None:  # this process ends, and a signal that comes too late is only noted
-            _until_exit.append(signals.pop_all())
+        if arguments is None:  # the process exits: only record late signals
+            _deferred_signals.append(signals.pop_all())
     sys.exit(status)
 
 
@@ -90,7 +90,7 @@ def make_command(*modules: Any) -> Command:
 def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
     """Print the answer of a finished store, then write its page and tables, and draw pictures.
 
-    Raises SweepIncompleteError if a foreign file is in the place of an output; others are written.
+    Raise SweepIncompleteError if a foreign file blocks an output; the other outputs are written.
     """
     from sweeps.engine.declare.errors import SweepIncompleteError
     from sweeps.report.outputs import blocked_sentence
@@ -126,7 +126,7 @@ def report(store: PathOrUrl, choices: Choices, finished: SweepOutcome) -> None:
 
 @contextmanager
 def _reporting_errors() -> Iterator[None]:
-    """Print a sentence for an output that cannot be written."""
+    """Print the error of an output that cannot be written, and continue."""
     from sweeps.engine.declare.errors import ConfigurationError
 
     try:

@@ -7,9 +7,9 @@ Modules come from `sweeps.stages` and from entry points of installed packages in
   need no list
 - `SENSOR` or `NAME`: its name, if it is a sensor or a classifier
 - `CONF`: a folder of configuration files, such as `experiment/mine.yaml`
-- `WORDS`: by setting, the attribute in which modules list the allowed words of the setting
-- `check_first` and `check`: refuse inconsistent choices, or return completed ones, the first before
-  any ship is built
+- `WORDS`: for each setting, the module attribute that lists its allowed words
+- `check_first` and `check`: refuse inconsistent choices, or return completed ones; `check_first`
+  runs before any ship is built
 - `loops`: returns the compiled loops that its stages run
 - `about`: returns lines to print before a sweep
 """
@@ -59,7 +59,7 @@ def conf_folder() -> Path:
 def load_installed_modules() -> tuple[ModuleType, ...]:
     """Return the modules that installed packages declare, by name; DeclarationError if one fails.
 
-    Studies join in this way, like sensors and classifiers of other packages.
+    Studies are registered in this way, as are sensors and classifiers of other packages.
     """
     modules = []
     for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda entry: entry.name):
@@ -132,7 +132,7 @@ def _compile(loops: CompiledLoops) -> None:
 
 
 def _kinds(modules: Sequence[Any]) -> dict[str, Kind]:
-    """Return, by key, the kinds of settings whose words the modules declare."""
+    """Return the kinds of the settings in `WORDS`, by key, with the words that modules list."""
     kinds: dict[str, Kind] = {}
     for module in modules:
         words: Mapping[Setting, str] = getattr(module, "WORDS", {})

@@ -26,11 +26,11 @@ from sweeps.engine.run.tasks import drop_objects, run_batches
 def check_pure(
     experiment: Experiment, choices: Choices, *, max_cells: int = MAX_TASK_CELLS
 ) -> Counter[str]:
-    """Return the number of cells of each stage that are equal when computed again, alone.
+    """Recompute cells one by one, and return the number of equal cells of each stage.
 
-    A result must depend on the arguments of its stage alone: on no clock, no generator of its own,
-    no earlier call and no object that another call has changed; and with `along`, not on the other
-    values that are computed together. Cells are computed in this process.
+    A result must depend on the arguments of its stage alone: not on a clock, a private random
+    generator, an earlier call or an object that another call mutated; nor, with `along`, on the
+    other values of the same call. Cells are computed in this process.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def check_pure(
     choices : Choices
         Values of its settings, as `sweeps.engine.declare.settings.read_choices` makes them.
     max_cells : int
-        Cells of a stage that are computed again, spread evenly over all its cells.
+        Largest number of cells to recompute for a stage, spread evenly over all its cells.
 
     Raises
     ------

@@ -76,7 +76,7 @@ def write_pages(app: Any) -> None:
 def plain_equations(lines: list[str]) -> Iterator[str]:
     """Yield the lines of a docstring with its equations as they were typed.
 
-    An indented block after a paragraph keeps its line breaks, and a bar, as in |x|, is a bar.
+    Turn an indented block after a paragraph into a literal block, and escape bars, as in |x|.
     """
     above: int | None = None  # indentation of the line above the block that we are in
     for number, line in enumerate(lines):

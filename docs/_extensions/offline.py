@@ -25,8 +25,8 @@ ELSEWHERE = re.compile(r"\s*(https?:)?//", re.I)
 IN_STYLE = re.compile(r"""(?:url\(|@import)\s*["']?\s*((?:https?:)?//[^"')\s]+)""", re.I)
 
 
-class _Loads(HTMLParser):
-    """Addresses elsewhere that a page loads."""
+class _ExternalLoads(HTMLParser):
+    """Parser that collects the external addresses that a page loads."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -53,7 +53,7 @@ class _Loads(HTMLParser):
 
 def loads_of_page(html: str) -> list[str]:
     """Return the addresses of scripts, style sheets, pictures and fonts elsewhere."""
-    page = _Loads()
+    page = _ExternalLoads()
     page.feed(html)
     return page.found
 

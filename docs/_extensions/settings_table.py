@@ -9,14 +9,14 @@ from sweeps.engine.declare.kinds import format_value
 from sweeps.experiment import EXPERIMENT
 
 TABLE = Path(__file__).resolve().parents[1] / "tables" / "settings.csv"
-SHORTER = (
+ABBREVIATIONS = (
     (r"a (?:finite )?number (?=from|at least)", ""),
     (r"a whole number from (\S+) to (\S+)", r"\1 to \2, whole"),
     (r"\bfrom (\S+) to ", r"\1 to "),
     (r"a text that is not empty", "text"),
     (r"(?<!each )one of ", ""),
 )
-"""Words of error messages that a column of allowed values does without."""
+"""Patterns in error messages, and their short forms in the column of allowed values."""
 
 
 def table() -> str:
@@ -31,8 +31,8 @@ def table() -> str:
         entry for setting in EXPERIMENT.declared for entry in (setting, *setting.kind.entries)
     ):
         allowed = entry.kind.allowed
-        for words, less in SHORTER:
-            allowed = re.sub(words, less, allowed)
+        for words, shorter in ABBREVIATIONS:
+            allowed = re.sub(words, shorter, allowed)
         axis = f"no; {entry.not_swept}" if entry.not_swept else "yes"
         meaning = "; ".join(filter(None, (entry.label, entry.help)))
         write((entry.key, format_value(entry.default_input), allowed, axis, meaning))

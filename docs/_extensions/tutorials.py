@@ -23,12 +23,12 @@ STORES = {
         "irar.range_filter=[cluster,median,mean]",
     ],
 }
-OPENED = {"flights": "flights"}
+NOTEBOOK_STORES = {"flights": "flights"}
 """Stores of notebooks; of all others the smoke experiment's."""
 
 
 def make_store(name: str, folder: Path) -> Path:
-    """Return the store of a name, of results that are kept from build to build."""
+    """Make a store by name, with a cache kept between builds, and return its path."""
     shutil.rmtree(folder / f"{name}.zarr", ignore_errors=True)  # of other code it would be refused
     folder.mkdir(parents=True, exist_ok=True)
     places = [f"store={name}.zarr", f"cache={folder / 'cache'}"]
@@ -44,7 +44,7 @@ def copy_notebooks(app: Any) -> None:
     source, target = Path(app.srcdir).parent / "notebooks", Path(app.srcdir) / FOLDER
     target.mkdir(exist_ok=True)
     paths = sorted(source.glob("*.ipynb"))
-    names = {path: OPENED.get(path.stem, "smoke") for path in paths}
+    names = {path: NOTEBOOK_STORES.get(path.stem, "smoke") for path in paths}
     stores = {
         name: make_store(name, Path(app.outdir).parent / "stores") for name in {*names.values()}
     }
@@ -62,7 +62,7 @@ def copy_notebooks(app: Any) -> None:
 
 
 def link_copies(app: Any, docname: str, source: list[str]) -> None:
-    """Let links to the notebooks, as they stand in the repository, lead to the copies."""
+    """Redirect links to the notebooks of the repository to their copies."""
     folder = "../" * docname.count("/") + FOLDER
     source[0] = re.sub(r"\]\((?:\.\./)+notebooks/(\w+\.ipynb)", rf"]({folder}/\1", source[0])
 

@@ -327,7 +327,7 @@ def _rows(views: Views, best: Floats) -> list[dict[str, Any]]:
             - best,
             "against float64, lines of 1/16 m",
         ),
-        _draw_row(views, best),
+        _noise_row(views, best),
         _spacing_row(views),
     ]
 
@@ -370,7 +370,7 @@ def _share_of_bound(views: Views) -> float:
     return max(shares)
 
 
-def _draw_row(views: Views, best: Floats) -> dict[str, Any]:
+def _noise_row(views: Views, best: Floats) -> dict[str, Any]:
     """Return the row of the noise of one draw."""
     errors = []
     for view in views.ship_aspects(views.aspects):

@@ -89,7 +89,7 @@ class Part:
     def distance(self, parameter: str) -> tuple[Floats, Floats]:
         """Return root mean square distances for every value of the parameter.
 
-        First of the mean to the article, then the expected one of a single draw to the mean.
+        First from the mean to the article, then the expected distance of one draw to the mean.
         """
         source = xr.DataArray(np.asarray(self.source, dtype=np.float64), dims=self.over)
         draws = [dim for dim in DRAW_DIMS if dim in self.ours.dims]

@@ -31,7 +31,7 @@ TOLERANCE = 0.002
 PULSES = (10.0, 30.0)  # [ns]; a tolerance holds after the shortest
 BIN_EDGES = np.arange(-125.0, 126.0)  # [m]
 IFOV_SIDE = 15.0  # of an IFOV [m]
-How = tuple[str, tuple[float, ...]]
+Method = tuple[str, tuple[float, ...]]
 """Engine, and `fineness` of a sweep's tolerance."""
 
 REPEATS, RAY_REPEATS = 5, 9  # how often views are timed, and rays
@@ -139,7 +139,7 @@ def measure_rays(
     )
 
 
-def _sampling_methods() -> dict[str, How]:
+def _sampling_methods() -> dict[str, Method]:
     engine = choose_engine("auto")
     return {
         f"pixels ({engine})": (engine, ()),
@@ -148,7 +148,9 @@ def _sampling_methods() -> dict[str, How]:
     }
 
 
-def _extent(mesh: trimesh.Trimesh, aspect: float, sampling: How, slant_range: float) -> RangeExtent:
+def _extent(
+    mesh: trimesh.Trimesh, aspect: float, sampling: Method, slant_range: float
+) -> RangeExtent:
     """Return the range extent of a view, sampled as a sweep does by default."""
     engine, fineness = sampling
     view = image.function(

@@ -49,7 +49,7 @@ class Condition:
     roll : float
         Rotation of the IFOVs about the line of sight [deg].
     pulse : float
-        Pulse width over that learned.
+        Ratio of the pulse width to the learned one.
     variants : int
         Number of variants of a ship that are tested in its place.
     """

@@ -89,7 +89,7 @@ def prove_sweep(
         Groups of the store that are read into memory.
     settings : int
         Number of settings of the sweep.
-    alone : iterable of Alone
+    alone : iterable of LoneSetting
         A random sample of settings of the same distribution, each with a cache of its own.
 
     Returns
@@ -139,9 +139,9 @@ def engine_report(
         Arguments of `ncti-sweep`.
     settings : int
         Number of settings of the sweep.
-    whole : Twice
+    whole : RepeatedSweep
         The sweep.
-    each : sequence of Twice
+    each : sequence of RepeatedSweep
         Two settings or more, each computed alone.
     compared : int
         How many of them were compared with the sweep.

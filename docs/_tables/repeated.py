@@ -48,9 +48,9 @@ def mean_over_seeds(
     values : (seed,) array_like
         A figure of each seed, such as percent correct; at least two.
     views : int, optional
-        Number of views of each seed that the figure is a percentage of. Where all seeds agree, or
-        nearly so, their scatter says nothing: the interval then reaches at least as far as
-        Wilson's of all views.
+        Number of views of each seed that the figure is a percentage of. If all seeds agree, or
+        nearly so, their scatter is no measure of the error: the interval then reaches at least as
+        far as Wilson's interval of all views.
     bounds : (low, high) tuple of float, default=(0.0, 100.0)
         Limits of the figure.
 
@@ -145,7 +145,7 @@ def sweep_each_seed(
     label: str,
     workers: ClusterChoice = WORKERS,
 ) -> list[dict[str, xr.Dataset]]:
-    """Return the same as `sweep_by_seed`, from one sweep a seed, which redraws training, too."""
+    """Return the groups of `sweep_by_seed` from one sweep per seed, which also redraws training."""
     aspects = (f"grid.aspect={list_argument(learned)}", f"grid.random_aspects={fresh}")
     return [
         sweep_groups(

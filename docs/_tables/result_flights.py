@@ -125,7 +125,7 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     """Return the remaining tilts of corrected images, by fitted images and clutter."""
     draws = next(iter(flights.values())).sizes["replicate"]
 
-    def format_lean(name: str, clutter: float) -> str:
+    def format_tilt(name: str, clutter: float) -> str:
         """Return the root mean square of each draw, and the largest of all flights."""
         tilt = join_flights(flights, name, clutter=clutter)
         rms = (tilt**2).mean("ship") ** 0.5
@@ -139,13 +139,13 @@ def tilts(flights: Mapping[str, xr.Dataset]) -> dict[str, Report]:
     }
     rows = [
         {"what": f"clutter of {clutter:g} K"}
-        | {name: format_lean(name, clutter) for name in columns}
+        | {name: format_tilt(name, clutter) for name in columns}
         for clutter in CLUTTERS
     ]
     rows[0]["what"] = "calm sea"
     still = {"what": "no noise"}
     for mark in ("mast", "waterline"):
-        still[f"{mark}_tilt"] = format_lean(f"noiseless_{mark}_tilt", 0)
+        still[f"{mark}_tilt"] = format_tilt(f"noiseless_{mark}_tilt", 0)
     title = (
         f"root mean square tilt [°], {mean_heading(draws)}; "
         f"largest of {len(flights) * draws} flights"

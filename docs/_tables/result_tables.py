@@ -85,12 +85,12 @@ def new_aspects(by_seed: Answers) -> dict[str, Report]:
         ("profile, ACN", "profile, ACN"),
         ("silhouette, nearest template", "silhouette, nearest template"),
     ):
-        found_rows = [
+        range_rows = [
             next(row for row in rows if row["what"] == f"{km} km: {source_row}") for km in RANGES
         ]
         summary.append(
             {"what": label}
-            | {f"{km} km": row["overall"] for km, row in zip(RANGES, found_rows, strict=True)}
+            | {f"{km} km": row["overall"] for km, row in zip(RANGES, range_rows, strict=True)}
         )
     title = f"percent correct, mean of {seeds} seeds [95 % interval]"
     return {
@@ -450,7 +450,7 @@ REJECTED_SHARE = 0.9  # of answers to unknown ships
 
 
 def open_set(
-    classified: xr.Dataset, strangers: Sequence[str] = UNKNOWN_SHIPS, **places: object
+    classified: xr.Dataset, unknown_ships: Sequence[str] = UNKNOWN_SHIPS, **places: object
 ) -> dict[str, float]:
     """Return AUROC, OSCR and the percentage kept by a classifier at new aspects of one seed.
 
@@ -460,7 +460,7 @@ def open_set(
         aspect=~multiples_mask(classified.aspect.values, TEMPLATE_SPACINGS[0])
     )
     answers = answers.isel(ship=["@" not in str(ship) for ship in answers.ship.values])
-    known = ~np.isin(answers.ship.values, strangers)
+    known = ~np.isin(answers.ship.values, unknown_ships)
     arrays = {
         "similarity": pick(answers.similarity, **places),
         "correct": pick(answers.correct, **places) == 1,

@@ -345,19 +345,19 @@ def _categories(sizes: Sizes) -> dict[str, Report]:
 
 def _unknown_ships(sizes: Sizes) -> dict[str, Report]:
     """Return the tables of unknown ships."""
-    sisters = unknown_arguments(*_variants(UNKNOWN_SHIPS))
+    variant_arguments = unknown_arguments(*_variants(UNKNOWN_SHIPS))
     exact = unknown_arguments(*UNKNOWN_SHIPS)
     looked_up, likely, against, themselves = (
         sizes.rejection_answers([*overrides, *ships], names, label)
         for overrides, ships, names, label in (
             (REJECT_TEMPLATE, unknown_arguments(), CLASSIFIERS[:2], "unknown ships"),
             (REJECT_SPACING, unknown_arguments(), CLASSIFIERS[2:], "unknown ships, likelihood"),
-            (REJECT_OTHER, sisters, CLASSIFIERS[2:], "unknown ships, alternative"),
+            (REJECT_OTHER, variant_arguments, CLASSIFIERS[2:], "unknown ships, alternative"),
             (REJECT_OTHER, exact, CLASSIFIERS[2:], "unknown ships, bound"),
         )
     )
     blind = [*unknown_arguments(), f"classifier.generated={sizes.generated}"]
-    blind_answers, calibrated, tracked_too = (
+    blind_answers, calibrated, with_track = (
         sizes.rejection_answers([*LONG_RANGE, *ships], CLASSIFIERS[2:], label, SOURCE_STEP)
         for ships, label in (
             (blind, "generated ships"),
@@ -368,7 +368,7 @@ def _unknown_ships(sizes: Sizes) -> dict[str, Report]:
     generated = {
         "blind": blind_answers,
         "blind, gain and floor known": calibrated,
-        "blind, gain and floor known, aspect within 5°": tracked_too,
+        "blind, gain and floor known, aspect within 5°": with_track,
     }
     return unknown_rejection(looked_up, likely, generated, against, themselves)
 

@@ -23,8 +23,8 @@ def sobol_indices(
     `figure` returns a value for each of (point, setting); settings are uniform within their bounds.
     `samples`, a power of 2, is the length of the scrambled base sequence: `figure` is called with
     as many times the number of settings plus 2. Design and estimators are Saltelli's (Computer
-    Physics Communications 181, 259 (2010)); intervals, of 200 resamples, are of that sampling
-    alone: noise of the figure shows in the indices of resampled figures. Needs
+    Physics Communications 181, 259 (2010)); intervals, of 200 resamples, cover that
+    sampling alone: to see the noise of the figure, compute the indices of resampled figures. Needs
     ``ncti-sweep[design]``.
     """
     from SALib.analyze import sobol as analysis

@@ -98,7 +98,7 @@ def measure(*, views: int = 104, across: int = 40, seed: int = 2, costs: bool = 
     views, across : int
         Random views, and views of faces nearly across the sight.
     seed : int
-        Of the views. On views of seed 1 the factor of the bound was set.
+        Seed of the views. The factor of the bound was set with the views of seed 1.
     costs : bool
         False to leave out fixed spacings, which take most of the time.
 

@@ -115,7 +115,7 @@ class TrainingSet:
     def reader(self, tests: NDArray[Any], number: int) -> Callable[[Indices], Floats]:
         """Return a function from view indices to (view, feature) vectors, as for `matches`.
 
-        A small set of tests is read at once for all calls.
+        Read a small set of tests once, and keep it in memory for all calls.
         """
 
         def vectors(views: Indices) -> Floats:
@@ -210,8 +210,8 @@ def answer_tests(
 ) -> Arrays:
     """Return the answers of (...) trainings by `form_categories` to (frame_count, ...) tests.
 
-    By the rule `ship` the ship must be right; by `category` the category must be that of the same
-    view, and views outside training are not scored.
+    By the rule `ship` an answer is right if its ship is; by `category`, if its category is the one
+    of the same view in training, and views outside training are not scored.
 
     Returns
     -------
@@ -269,8 +269,8 @@ def match_learning(
 ) -> tuple[Indices, Floats]:
     """Return (view,) categories and cosines of tests that move categories, read in blocks.
 
-    Tests are presented in the order of training, known ships first, so that unknown ones move
-    no category before these are compared with it.
+    Tests are presented in the order of training, known ships first, so that unknown ships move no
+    category before the known ships are matched.
     """
     training_views, view_order = formed["training_confused"] >= 0, formed["view_order"]
     unknown = np.repeat(~training_views.any(axis=1), training_views.shape[1])

@@ -30,9 +30,9 @@ def settings_by_last_word(settings: type[Settings]) -> dict[str, Setting]:
 
 
 def restore(kind: Callable[..., Kind], arrays: Mapping[str, NDArray[Any]]) -> Kind:
-    """Return an object from the arrays of `vars` of another; arrays of one number as numbers.
+    """Rebuild an object from the arrays of its `vars`; zero-dimensional arrays become numbers.
 
-    Dataclasses of arrays and numbers cross the cache in this way.
+    The cache stores dataclasses of arrays and numbers in this form.
     """
     values = {name: np.asarray(array) for name, array in arrays.items()}
     return kind(**{name: array if array.ndim else array.item() for name, array in values.items()})

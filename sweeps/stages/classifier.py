@@ -53,13 +53,13 @@ Mask = NDArray[np.bool_]
 Integers = NDArray[np.integer]
 Indices = NDArray[np.intp]
 
-NO_ANSWER = -1  # of a category, a ship, or an answer: the view is not there
+NO_ANSWER = -1  # category, ship or answer of a missing view
 GATHERED = (Grid.ship, Grid.aspect)
 OF_PROFILES = ("pulse_width", "range", "target_free_ifovs")  # dimensions of expected profiles
 PROFILE_NOUN = "profiles"  # inputs of most classifiers
-TESTED = ("replicate", "place", "frame_count")  # and of averages
-LEFT_ALONE = "classifier.left_out has True, but must be false where {} learned: no view remains"
-UNSEEN = 1000  # seed of generated ships, apart from those of ships to be tested
+AVERAGE_DIMS = ("replicate", "place", "frame_count")  # and of averages
+LEFT_OUT_ERROR = "classifier.left_out has True, but must be false where {} learned: no view remains"
+UNSEEN = 1000  # seed of generated ships, distinct from seeds of tested variants
 MIN_SIZE, MAX_SIZE = 0.7, 1.1  # of generated ships; the receiver's window holds no larger ones
 DIGITS = 3  # of a drawn aspect [deg]: 2 mm at the end of a ship
 
@@ -96,7 +96,7 @@ def random_test_aspects(choices: Choices, grid: tuple[float, ...]) -> tuple[floa
     Raises
     ------
     ConfigurationError
-        If there is nothing to draw between.
+        If `grid.aspect` has one value, or the sweep several seeds.
     """
     number = choices.value(RandomAspects.random_aspects)
     if not number:
@@ -329,17 +329,17 @@ def check_left_out(choices: Choices) -> None:
     """Refuse to leave the true aspect out if no other aspect is learned."""
     aspects = min(int(learned.any(axis=0).sum()) for learned in _views_by_spacing(choices))
     if any(choices[Classifier.left_out]) and aspects < 2:
-        raise ConfigurationError(LEFT_ALONE.format(f"{aspects} aspect is"))
+        raise ConfigurationError(LEFT_OUT_ERROR.format(f"{aspects} aspect is"))
 
 
 def require_another_aspect(training_views: Mask, left_out: bool) -> None:
-    """Raise `ValueError` for the same fault if failed views caused it."""
+    """Raise `ValueError` if `left_out` has no other aspect left, because views failed."""
     if left_out and training_views.any(axis=0).sum() < 2:
-        raise ValueError(LEFT_ALONE.format("fewer than two aspects are"))
+        raise ValueError(LEFT_OUT_ERROR.format("fewer than two aspects are"))
 
 
 def check_receiver(choices: Choices, name: str) -> None:
-    """Refuse receivers whose moments a classifier needs and lacks."""
+    """Refuse every receiver but the full profile, whose moments the classifier needs."""
     reason = f"for the classifier {name}, which knows the moments of no other"
     require(choices, Ladar.receiver, FULL, reason)
 
@@ -446,7 +446,7 @@ class ClassifierGroup(Group):
     ) -> StageDecorator:
         """Declare the stage that names ships, with any further outputs.
 
-        The predicted ship does not depend on the settings `without`; `right` says what else counts.
+        The predicted ship does not depend on the settings `without`; `right` extends the label.
         """
         label = "ship named, as an index into the ship axis"
         return self.stage(
@@ -476,10 +476,10 @@ class ClassifierGroup(Group):
         labels: Mapping[str, str] | None = None,
         scored: str = "ship",
     ) -> tuple[Table, ...]:
-        """Return the tables of the group, of scores and of rejections if a ship is not learned.
+        """Return the tables of the group: scores and, on request, categories and rejection.
 
-        Also of categories if the classifier is `forming` them. `labels` distinguish its rows from
-        other classifiers', and `scored` names the rule of a right answer.
+        `forming` adds categories, and `rejecting` adds rejection where a ship is unknown. `labels`
+        mark the rows of this classifier; `scored` names the rule of a right answer.
         """
         labels = {"classifier": self.name, "channel": RANGE} if labels is None else labels
 
@@ -526,7 +526,7 @@ class ClassifierGroup(Group):
 def of_profiles(name: str, *extra_dims: str) -> ClassifierGroup:
     """Return the group of a classifier of range profiles, with its own dimensions."""
     return ClassifierGroup.of_classifier(
-        name, classifies_with(name, RANGE), (*OF_PROFILES, *extra_dims, *TESTED)
+        name, classifies_with(name, RANGE), (*OF_PROFILES, *extra_dims, *AVERAGE_DIMS)
     )
 
 

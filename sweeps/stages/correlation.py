@@ -38,13 +38,13 @@ class Correlation(Settings, key="classifier", role="coordinate"):
     keep=4,
 )
 def profile_draws(averaged: Profiles, valid: Mask, training: str) -> Profiles | Floats:
-    """Return (replicate, view, bin) draws of averaged profiles; none unless they are learned.
+    """Return (replicate, view, bin) averaged profiles for noisy training, else an empty array.
 
-    Missing ones are zero.
+    Missing profiles are zero.
     """
     draws = classifier.stack_views(averaged)
     if training != NOISY:
-        return draws[:0].copy()  # which does not keep the others
+        return draws[:0].copy()  # a copy, so that the others can be freed
     missing = ~valid.reshape(len(valid), -1)
     return np.where(missing[..., None], 0, draws[:]) if missing.any() else draws[:]
 
@@ -68,10 +68,10 @@ def correlation(
 
     Notes
     -----
-    Similarity is the cosine of profile vectors. Of noisy profiles those of all other replicates
-    of the same number of frames are learned. Where the true aspect is left out, profiles of all
-    ships at it are. A profile that nowhere rises above its floor has no direction: it names no
-    ship, which counts as wrong, and as a training profile it matches none.
+    Similarity is the cosine of profile vectors. Noisy training learns the profiles of all other
+    replicates with the same number of frames. If the true aspect is left out, exclude the profiles
+    of all ships at that aspect. A profile that nowhere rises above its floor has no direction: as a
+    test it names no ship and counts as wrong, and as a training profile it never matches.
     """
     known = training_views & valid
     classifier.require_another_aspect(known, left_out)

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 
-SLOWEST, FASTEST = 0.25, 1.9  # estimated closing speeds, of the true one
-OF_EXACT = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
+SLOWEST, FASTEST = 0.25, 1.9  # limits of the estimated closing speed over the true one
+EXACT_CHAIN_SETTINGS = (Irar.azimuth, Irar.mirror, Irar.range_filter)  # not of the article's chain
 
 
 receivers = derived(reads=settings_by_dimension(RECORDED[1:]), name="receivers")(keywords)
@@ -91,9 +91,9 @@ def truth(
     reflectance: str,
     **bins: float,
 ) -> tuple[Snapshot, NDArray[np.float64]]:
-    """Return the view from the snapshot's place, on the ship's own window, and its profiles.
+    """Return the true snapshot in the window of the ship, and its (source, bin) profiles.
 
-    These are (noiseless, synthetic, point; bin), for a carrier-to-noise ratio of 1.
+    The sources are noiseless, synthetic and point, for a carrier-to-noise ratio of 1.
     """
     flight, surface = flight_of(aspect, dict(course)), irar.surface(mesh, dict(course), reflectance)
     window = library.ship_window(mesh, flight)
@@ -125,7 +125,7 @@ def navigation(scan: tuple[Scan, Scan], error: Error, focused: bool) -> Flight:
     noisy, _ = scan
     estimate = comparison.navigated_flight(noisy.flight, error)
     if focused:
-        with suppress(NothingSeenError):  # no ship in the image: navigation is all there is
+        with suppress(NothingSeenError):  # no ship in the image: keep the estimate of navigation
             estimate = library.autofocus(noisy, estimate)
     return estimate
 
@@ -262,10 +262,10 @@ flight_bins = replace(profile_bins, name="flight_bins", group=FLIGHTS)
 
 
 def check(choices: Choices) -> None:
-    """Refuse (`ConfigurationError`) flights, and errors of them, that are impossible."""
+    """Refuse (`ConfigurationError`) impossible flights and impossible errors of navigation."""
     require_among(choices, Irar.flown, Grid.ship)
     printed = next((name for name in choices[Irar.chain] if name != comparison.EXACT), None)
-    for setting in OF_EXACT if printed else ():
+    for setting in EXACT_CHAIN_SETTINGS if printed else ():
         reason = f"where irar.chain has {printed}, which has a way of its own"
         require(choices, setting, setting.default, reason)
     if not uses_sensor(IRAR)(choices):
@@ -329,7 +329,7 @@ def _check_estimate(flight: Flight, error: Error) -> None:
 
 def tabulate(flights: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the mean of every figure of flights over draws of the noise, and its spread."""
-    figures = flights[[*OF_FLIGHTS, *OF_PROFILES]].load()
+    figures = flights[[*FLIGHT_FIGURES, *OF_PROFILES]].load()
     draws = figures.sizes.get(DRAW, 1)
     table = figures.mean(DRAW, keep_attrs=True) if DRAW in figures.dims else figures
     if draws > 1:
@@ -349,7 +349,7 @@ def _flight_figures(names: tuple[str, ...]) -> tuple[Figure, ...]:
 
 
 DRAW = "replicate"
-OF_FLIGHTS = tuple(
+FLIGHT_FIGURES = tuple(
     output.name for output in corrected.outputs if output.is_stored and not output.dims
 )
 OF_PROFILES = tuple(comparison.LANDMARKS)
@@ -382,7 +382,7 @@ TABLES = (
         Display(
             "flights",
             "Simulated flights: corrected images and profiles against the noiseless truth",
-            _flight_figures(OF_FLIGHTS),
+            _flight_figures(FLIGHT_FIGURES),
             rows=("ship", "error_parameter", "error_value"),
             notes=(
                 "Means over draws of the noise, with the standard deviation of one. Tilt of masts "

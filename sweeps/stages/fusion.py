@@ -1,7 +1,7 @@
 """Fusion of range profiles and silhouettes, and identification by each alone.
 
 A template is a view, a ship at an aspect, for both sensors. Draw d pairs replicate d of the
-profiles with phase d of the silhouettes, cyclically if there are fewer profiles.
+profiles with phase d of the silhouettes; the one with fewer values repeats cyclically.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def silhouette_constants(
 ) -> Floats:
     """Return (frame_count, constant, phase) inverse temperatures and outlier fractions.
 
-    They are fitted to silhouettes of learned views, whose cosines to each other are held for one
-    number of frames at a time. See `ncti.classify.calibration.fit_held_out_phases`.
+    Fit them to silhouettes of learned views, with the cosines between these views held in memory
+    for one frame count at a time. See `ncti.classify.calibration.fit_held_out_phases`.
     """
     from ncti.classify.calibration import fit_held_out_phases
 
@@ -149,7 +149,7 @@ ANSWERS = classifier.ClassifierGroup.of_classifier(
 
 @ANSWERS.answers(
     Output("probability", ANSWERS.answer, label="posterior probability of the true ship"),
-    # For both sensors, the first output is of silhouettes, the second of profiles.
+    # In the channel `both`, the first output belongs to silhouettes, the second to profiles.
     Output(
         "inverse_temperature",
         OF_DRAWS,
@@ -187,11 +187,11 @@ def fusion(
     """Return the ships predicted by profile, by silhouette and by both.
 
     The score of a profile is its log-likelihood at an inverse temperature of 1. The score of a
-    silhouette has the inverse temperature fitted to the silhouettes of the *other* phases. For both
-    sensors, the scores are added, each with its outlier fraction, so that neither outweighs the
-    other by more than answers about learned views support. An empty silhouette carries no
-    information: all its scores are 0. Only views that both sensors see in all draws count; scores
-    are held in blocks of views.
+    silhouette has the inverse temperature fitted to the silhouettes of the *other* phases. Fuse
+    both sensors by adding their scores, each with an outlier fraction, so that neither outweighs
+    the other by more than answers about learned views support. An empty silhouette carries no
+    information: all its scores are 0. Score only views that both sensors see in all draws, in
+    blocks of views.
     """
     templates, known = profile_templates
     compared: Mask = np.asarray(valid.all(axis=(0, 1)))
@@ -242,8 +242,8 @@ def channel_posteriors(
 ) -> Iterator[tuple[tuple[int, int], tuple[Integers, Floats]]]:
     """Yield the indices of a look and a channel, then ships with their (view, ship) probabilities.
 
-    A profile and the silhouettes of all looks have (view, template) scores, and the outlier
-    fractions of templates; `of_ship` (template,) are the ships of templates.
+    `profile`, and each item of `silhouettes`, one per look, are (view, template) scores with their
+    outlier fractions; `of_ship` (template,) has the ship of each template.
     """
     scores, outliers = profile
     of_profile = label_posterior(scores, of_ship)
@@ -259,8 +259,8 @@ def channel_posteriors(
 def _constants(factors: Floats, of_profiles: Floats, shape: tuple[int, ...]) -> Arrays:
     """Return inverse temperatures and outlier fractions by gain, frame count, look, channel, draw.
 
-    `factors` (look, 2, draw) are of silhouettes; `of_profiles` (gain, frame count) are outlier
-    fractions.
+    `factors` (look, 2, draw) has inverse temperatures and outlier fractions of silhouettes;
+    `of_profiles` (gain, frame count) has outlier fractions of profiles.
     """
     inverse_temperature, outlier_fraction = np.empty((2, *shape))
     inverse_temperature[..., 0, :], inverse_temperature[..., 1:, :] = 1.0, factors[:, :1]

@@ -59,18 +59,18 @@ LOOK = ("range", "super_resolution", "frame_count")  # of its dimensions
 
 PLACE = "{} place on the target, the ship origin within a pixel"
 SEEN = ("range", "frame_count")  # axes of the sensor
-OVER = (*VIEW, "phase")  # what tables of images are means over
+OVER = (*VIEW, "phase")  # dimensions that tables of images average over
 
 OF_SILHOUETTES = ("coverage_rule", "segmentation", "inner_radius", "interpolation")
 
 Bytes = NDArray[np.uint8]
 
-# Noise of one frame [K]. The share that the most frames and the recombination of shifted ones
-# leave, 0.5 / sqrt(10,000), still exceeds the 1e-6 K that matched segmentation resolves.
+# Noise of one frame [K]. Averaging 10,000 frames and recombining shifted ones scales it by
+# 0.5 / sqrt(10,000); the rest still exceeds the 1e-6 K that matched segmentation resolves.
 MIN_NEDT = 1e-3
 
-# Patches of ship are counted, so a pixel that the ship fills may come out a patch or so short of
-# 1, by chance: a rule above this share would drop such pixels at random.
+# Coverage is estimated by counting patches, so a pixel that the ship fills may by chance come out
+# a patch or so below 1. A rule above this share would drop such pixels at random.
 MAX_COVERAGE = 0.95
 
 
@@ -237,7 +237,7 @@ OF_VIEWS = Group(
     (*VIEW, *OF_SILHOUETTES, "phase", *LOOK),
     views.STATUS,
 )
-OF_VIEW = {"self": "detector_view"}  # of methods of it
+DETECTOR_READS = {"self": "detector_view"}  # reads of the methods of `DetectorView`
 BY_PLACE: dict[str, Any] = {"along": (Infrared.subpixel_offsets, Infrared.frame_count)}
 infrared_window = derived(
     uses=(Infrared,),
@@ -284,7 +284,7 @@ image_window = OF_VIEWS.stage(
 
 detection_probability = OF_VIEWS.stage(
     Output("detection_probability", label="probability that a pixel of the ship is detected"),
-    reads=OF_VIEW,
+    reads=DETECTOR_READS,
     **BY_PLACE,
 )(DetectorView.detection_probability)
 
@@ -293,7 +293,7 @@ reconstruction_error = OF_VIEWS.stage(
         "reconstruction_error",
         label="rms difference from the noiseless image of half the pixel, over the contrast",
     ),
-    reads=OF_VIEW,
+    reads=DETECTOR_READS,
     **BY_PLACE,
 )(DetectorView.reconstruction_error)
 
@@ -384,7 +384,7 @@ def check(choices: Choices) -> None:
 
 
 def check_window(choices: Choices) -> None:
-    """Refuse ships that images do not hold."""
+    """Refuse ships larger than the window of images."""
     length, height = Infrared.window_length, Infrared.window_height
     for ship in choices[Grid.ship]:
         vertices = meshes.vertices(ship)
@@ -401,8 +401,8 @@ def check_window(choices: Choices) -> None:
 def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the detection probability of ships, from the store's infrared group.
 
-    `probability` by aspect bin, mean over ships, aspects and offsets; `lowest`, the lowest of all
-    views. Views that are not there are left out; NaN where none is.
+    `probability`, by aspect bin, is the mean over ships, aspects and offsets; `lowest` is the
+    minimum over views. Missing views are left out; NaN if all are missing.
     """
     import xarray as xr
 
@@ -424,8 +424,8 @@ def tabulate_detection(images: xr.Dataset, choices: Choices) -> xr.Dataset:
 def tabulate_reconstruction(images: xr.Dataset, choices: Choices) -> xr.Dataset:
     """Return the errors of super-resolved images, from the store's infrared group.
 
-    `error`, mean over ships, aspects and offsets, and `error_spread`, over them. Views that are not
-    there, and images without contrast, are left out; NaN where none is.
+    `error` is the mean over ships, aspects and offsets, and `error_spread` the standard deviation.
+    Missing views, and images without contrast, are left out; NaN if none remains.
     """
     error = _drop_scalars(images, "reconstruction_error")
     columns = {
@@ -482,7 +482,7 @@ def _image_table(
 
 
 def loops(choices: Choices) -> list[CompiledLoops]:
-    """Return the loops that images and silhouettes take."""
+    """Return the compiled loops that images and silhouettes need."""
     if not uses_sensor(views.INFRARED)(choices):
         return []
     masked = MASK in map(silhouette_engine.function, choices[Render.engine])

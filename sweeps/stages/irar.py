@@ -56,7 +56,7 @@ MAX_ERROR = {  # percent, m/s, degrees
 ERROR_VALUE = "error: aircraft_speed in percent, ship_speed in m/s, others in degrees"
 
 LIBRARY = {"range": "slant_range", "flown_pulse_width": "pulse_width"}  # names of a `Flight`
-OF_NO_FLIGHT = ("transom_gain", "mast_gain", "replicate")  # of the ship, and of the noise
+NON_FLIGHT_SETTINGS = ("transom_gain", "mast_gain", "replicate")  # of the surface and the noise
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Errors(Kind):
         return (NO_ERROR, *sorted(pairs))
 
     def as_input(self, values: tuple[Value, ...]) -> dict[str, list[float]]:
-        """Return some values in the form in which a user writes them."""
+        """Return values as in a configuration: a list of errors for each parameter."""
         return {
             parameter: [error for name, error in values if name == parameter]
             for parameter in sorted({name for name, _ in values} - {NO_ERROR[0]})
@@ -98,7 +98,7 @@ class Errors(Kind):
     def coordinates(
         self, values: tuple[Value, ...]
     ) -> dict[str, tuple[NDArray[Any], dict[str, str]]]:
-        """Return the coordinates of an axis with some values, its own first, with attributes."""
+        """Return the index of the axis, and parameter and value of each error, with attributes."""
         parameters, errors = zip(*values, strict=True)
         attrs = {"long_name": "recorded flight parameter in error"}
         return {
@@ -109,7 +109,7 @@ class Errors(Kind):
 
 
 # Settings of one value are scalar coordinates of results that depend on them.
-# Not in SI, since their values name the noise, too.
+# Not converted to SI, because their values also key the random streams of the noise.
 _axis = partial(quantity, si=False)
 _word = partial(word, role="coordinate")
 
@@ -170,7 +170,7 @@ class Course(Settings, key="irar", role="coordinate"):
 
 
 class Receivers(Settings, key="irar", role="coordinate"):
-    """The receivers of a flight, which its raw images depend on as well."""
+    """Receivers of a flight, which affect its raw images but neither the pass nor the truth."""
 
     cnr = _axis(20, -100, 90, "dB", "carrier-to-noise ratio of an IFOV that the ship fills")
     range_sigma = _axis(1, 0, 100, "m", "standard deviation of a measured range")
@@ -293,7 +293,7 @@ def parameters(values: Values) -> dict[str, Any]:
     converted = {
         LIBRARY.get(name, name): value if units[name] is None else value * units[name]
         for name, value in values.items()
-        if name not in OF_NO_FLIGHT
+        if name not in NON_FLIGHT_SETTINGS
     }
     return converted | ({"cnr": power_ratio(converted["cnr"])} if "cnr" in converted else {})
 
@@ -301,7 +301,8 @@ def parameters(values: Values) -> dict[str, Any]:
 def flight_of(aspect: float, values: Values) -> Flight:
     """Return the pass by a ship at an aspect [deg], from values of `FLOWN` or also `RECORDED`.
 
-    Its carrier-to-noise ratio is 1 unless `values` have one; ValueError if it cannot be flown.
+    Its carrier-to-noise ratio is 1 unless `values` have one.
+    Raise ValueError for an impossible flight.
     """
     sight = values["aircraft_heading"] + values["offset"]
     heading = ship_heading(aspect=aspect, sight=sight)
@@ -323,10 +324,10 @@ def fly_past(
     seed: int,
     **view: Any,
 ) -> Pass:
-    """Return a pass by a ship, of carrier-to-noise ratio 1, on a course of values of `FLOWN`.
+    """Return a pass by a ship on a course, at a carrier-to-noise ratio of 1.
 
-    The view is the name of the ship, and its aspect [deg]. Without jitter all replicates are one
-    draw.
+    `course` has the values of `FLOWN`; `view` has the name of the ship and its aspect [deg].
+    Without jitter all replicates share one draw.
     """
     draw = {"stage": "flight_attitude", "replicate": draw_number(replicate, course["jitter"])}
     flight, rng = flight_of(view["aspect"], course), cell_rng(seed, **draw, **view, **course)
@@ -350,16 +351,16 @@ def record_scan(flown: Pass, course: Values, receivers: Values, *, seed: int, **
     The draw of the noise does not depend on the passive band.
     """
     passive = {setting.name for setting in Passive.declared}
-    naming = {name: value for name, value in receivers.items() if name not in passive}
-    rng = cell_rng(seed, stage="flight", **view, **course, **naming)
+    noise_key = {name: value for name, value in receivers.items() if name not in passive}
+    rng = cell_rng(seed, stage="flight", **view, **course, **noise_key)
     return apply_receivers(flown, receivers).record(rng)
 
 
 def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **place: Any) -> Scan:
     """Return the raw images that a sweep made of a flight past a ship.
 
-    `values` cover all of `FLOWN` and `RECORDED`, with None for null; others are ignored.
-    The place is the sweep's seed, the name of the ship, and its aspect [deg].
+    `values` must have all of `FLOWN` and `RECORDED`, with None for null; others are ignored.
+    `place` has the sweep's seed, the name of the ship, and its aspect [deg].
     """
     names = ([setting.name for setting in settings] for settings in (FLOWN, RECORDED))
     course, receivers = ({name: values[name] for name in group} for group in names)
@@ -368,7 +369,7 @@ def scan_again(values: Values, mesh: trimesh.Trimesh, *, reflectance: str, **pla
 
 
 def loops(choices: Choices) -> list[CompiledLoops]:
-    """Return the loops of flights, and those of the pixels that they need beside lines."""
+    """Return the compiled loops of flights, and of a pixel engine if the sweep draws lines."""
     if not uses_sensor(IRAR)(choices):
         return []
     return [TILTS] + [engine_loops(choose_engine("auto"))] * (LINES in choices[Render.engine])

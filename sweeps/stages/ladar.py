@@ -56,9 +56,9 @@ ANYWHERE, CORNER = "random", "corner"  # places of the ship on the grid of IFOVs
 MODELS = ("projected_area", "lambertian")  # of reflection
 
 WITH_MOMENTS = {"likelihood": {RANGE}, "fusion": {RANGE, INFRARED}}
-"""Sensors that a classifier needs, by the names of those for which covariances are stored.
+"""Classifiers for which covariances are stored, with the sensors that each of them needs.
 
-The module of a user's classifier may add it.
+The module of a user's classifier may add an entry.
 """
 
 
@@ -191,7 +191,7 @@ def ifov_offset(
 def mirror_offset(place: IfovOffset, aspect: float, drawn_aspect: float) -> IfovOffset:
     """Return a place, mirrored if the other side of the ship is drawn.
 
-    No whole IFOV is added, so that IFOVs have the same numbers, and noise, on either side.
+    Add no whole IFOV, so that IFOVs keep their numbers, and thus their noise, on either side.
     """
     right, up = place
     return (right if aspect == drawn_aspect else 0.0 - right), up
@@ -211,9 +211,9 @@ def ifovs(extent: Arrays, aspect: float, drawn_aspect: float) -> RangeExtent:
 
 
 def extent_stages(name: str, **reads: Setting | str) -> tuple[Stage, Stage]:
-    """Return the stages of range extents that read other inputs, as arrays and as objects.
+    """Return the stages of range extents with other inputs, as arrays and as objects.
 
-    Extents of equal inputs are one result, such as that of a ship at the corner of an IFOV.
+    Extents with equal inputs share one result, for example with a ship at the corner of an IFOV.
     """
     other = replace(extent, name=f"{name}_extent", reads=extent.reads | reads)
     return other, replace(ifovs, name=f"{name}_ifovs", reads={"extent": other.name})
@@ -299,15 +299,15 @@ profile_bins = PROFILE.stage(
     name="profile_bins",
 )(library.bin_centres)
 
-_SIGHT = {  # inputs of the carrier-to-noise ratio
+_CNR_INPUTS = {  # inputs of the carrier-to-noise ratio
     name: getattr(Grid if hasattr(Grid, name) else Ladar, name) for name in cnr_at_range.arguments
 }
 
 
 @MOMENTS.stage(
     coordinate("lag", ("lag",), "f8", label="lag of a covariance, down-range", unit="m"),
-    reads=_SIGHT,
-    gather=(Grid.pulse_width, *_SIGHT.values()),
+    reads=_CNR_INPUTS,
+    gather=(Grid.pulse_width, *_CNR_INPUTS.values()),
 )
 def lags(
     pulse_width: tuple[float, ...], window: float, bin_width: float, **sight: tuple[float, ...]
@@ -336,11 +336,11 @@ def check(choices: Choices) -> None:
         if receiver != FULL and max_ifovs > MAX_DRAWN:
             allowed = f"at most {MAX_DRAWN} with the {receiver} receiver, which draws each of them"
             refuse(Ladar.target_free_ifovs, max_ifovs, allowed)
-    if {RANGE, views.IRAR} & {*choices.value(Sweep.sensor)}:  # flights make profiles, too
+    if {RANGE, views.IRAR} & {*choices.value(Sweep.sensor)}:  # flights also make profiles
         check_profiles(choices)
     if uses_sensor(RANGE)(choices):
         views.check_ranges(choices, Grid.range, Ladar.ifov)
-        _carrier_to_noise(choices, min(choices[Grid.range]))  # without extinction it is higher
+        _compute_ratios(choices, min(choices[Grid.range]))  # without extinction it is higher
         if FULL in choices[Ladar.receiver]:
             _check_cnr(choices)
 
@@ -373,8 +373,8 @@ def _check_window(choices: Choices) -> None:
             refuse(Ladar.window, window, f"{allowed}{meshes.fault_hint(ship)}")
 
 
-def _carrier_to_noise(choices: Choices, slant_range: float) -> list[tuple[float, float]]:
-    """Return every `ladar.cnr` with the ratio at a range [km]; refuse those beyond the largest."""
+def _compute_ratios(choices: Choices, slant_range: float) -> list[tuple[float, float]]:
+    """Return each `ladar.cnr` with its ratio at a range [km]; refuse ratios over MAX_DECIBELS."""
     pairs, settings = [], (Ladar.cnr, Ladar.cnr_range, Ladar.extinction)
     for cnr, cnr_range, extinction in product(*(choices[setting] for setting in settings)):
         in_si = Ladar.cnr_range.in_si(cnr_range), Ladar.extinction.in_si(extinction)
@@ -390,7 +390,7 @@ def _carrier_to_noise(choices: Choices, slant_range: float) -> list[tuple[float,
 def _check_cnr(choices: Choices) -> None:
     """Refuse carrier-to-noise ratios at which single precision loses a ship in the noise floor."""
     farthest, max_ifovs = max(choices[Grid.range]), max(choices[Ladar.target_free_ifovs])
-    signals = _carrier_to_noise(choices, farthest)
+    signals = _compute_ratios(choices, farthest)
     for ship in choices[Grid.ship]:
         min_ratio = faintest_ratio(
             np.ptp(meshes.vertices(ship), axis=0),

@@ -118,7 +118,7 @@ prior = derived(uses=(Likelihood,), name="prior")(Prior)
 class Moments:
     """Moments of profiles by (ship, aspect), with masks of existing and of training views.
 
-    The means, `placed_profile`, are of (place, ship, aspect), and so is `valid`.
+    `placed_profile`, the means, and `valid` begin with the axes (place, ship, aspect).
     """
 
     placed_profile: Profiles
@@ -145,10 +145,10 @@ class Moments:
         template_error: float | None,
         rng: np.random.Generator | None = None,
     ) -> GaussianTemplates:
-        """Return templates of the chosen views; their error is calibrated if it is None.
+        """Return templates of the chosen views; calibrate `template_error` if it is None.
 
-        Their floor, which the target's gain does not scale, is the level at the window's edge:
-        noise, including that of the ship's own IFOVs.
+        The floor is the level at the window's edge, including the noise of the ship's IFOVs; the
+        target's gain does not scale it.
         """
         from ncti.classify.likelihood import GaussianTemplates
 
@@ -336,17 +336,17 @@ def _fit_of_best(scores: Floats, peak: Floats, exclude: Mask, bins: int) -> Floa
     """Return the log probability (view,) of a worse fit of each view's best template."""
     allowed = np.where(exclude[:, : scores.shape[1]], -np.inf, scores)
     best = np.arange(len(allowed)), allowed.argmax(axis=1)
-    distant = np.broadcast_to(peak, scores.shape)[best] - scores[best]
-    return log_fit(-distant[:, None], [0.0], bins)[:, 0]
+    shortfall = np.broadcast_to(peak, scores.shape)[best] - scores[best]
+    return log_fit(-shortfall[:, None], [0.0], bins)[:, 0]
 
 
-def _answer(
+def _select_ships(
     posterior: tuple[Integers, Floats], true_ship: Integers
 ) -> tuple[Integers, Floats, Floats]:
     """Return the (view,) predicted ships, and probabilities of the true and of the predicted ones.
 
-    Where there is an alternative, a prediction is compared with that alone. `posterior` has the
-    ships, `NO_ANSWER` for the alternative, and their (view, ship) probabilities.
+    With an alternative, the probability of a prediction is normalised against it alone.
+    `posterior` has ships, `NO_ANSWER` for the alternative, and their (view, ship) probabilities.
     """
     ships, probability = posterior
     named = ships != NO_ANSWER
@@ -388,12 +388,12 @@ def likelihood(
 ) -> Arrays:
     """Return the most probable ship of (frame_count, ship, aspect, bin) averages.
 
-    If the true aspect is left out, so are the templates of all ships at it, and the cells of
-    adjacent templates extend over it. The alternative's ships are together one class, which is
-    never named. An answer is accepted by its density over theirs: by Neyman and Pearson, no other
-    test keeps more of the right answers for a given share of rejected unknown ships. `gain_sigma`
-    are prior standard deviations of the gain. Generated ships are not tested. Log densities are
-    held in blocks of views, those of one aspect together.
+    If the true aspect is left out, exclude the templates of all ships at that aspect, and extend
+    the cells of adjacent templates over it. The alternative's ships form one class that is never
+    predicted. Accept an answer by the ratio of its density to theirs: by the lemma of Neyman and
+    Pearson, no other test keeps more right answers for a given share of rejected unknown ships.
+    `gain_sigma` holds prior standard deviations of the gain. Generated ships are not tested.
+    Compute log densities in blocks of views, sorted by aspect.
     """
     templates, known = profile_templates
     classifier.require_another_aspect(known, any(left_out))
@@ -427,7 +427,7 @@ def likelihood(
                     posterior = label_posterior(
                         all_scores, label, exclude=exclude, log_prior=log_prior
                     )
-                    best[index], probability[index], accepted = _answer(posterior, true_ship)
+                    best[index], probability[index], accepted = _select_ships(posterior, true_ship)
                     fit[index] = _fit_of_best(scores, peak, exclude, averaged.shape[-1])
                     similarity[index] = accepted * np.exp(misfit_weight * fit[index])
     return classifier.mark_answers(best, valid, tested) | {
@@ -439,10 +439,10 @@ def likelihood(
 
 
 def check_first(choices: Choices) -> Choices | None:
-    """Return choices with generated ships in the grid, unknown and the alternative.
+    """Return choices with generated ships added to the grid, `unknown` and `alternative`.
 
-    Refuses (`ConfigurationError`) to generate variants of ships whose sheets are not packaged, or
-    without the likelihood, which alone compares with them.
+    Refuse (`ConfigurationError`) to generate variants of ships without a packaged sheet, or
+    without the classifier `likelihood`, the only one that uses them.
     """
     number = choices.value(Classifier.generated)
     if not number:

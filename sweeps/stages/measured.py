@@ -198,8 +198,8 @@ def trained_classifier(
 def measured(trained_classifier: Classify, signature: Profiles, valid: Mask) -> Arrays:
     """Return the ships predicted for signatures of every kind.
 
-    -1 where a view is not there, or not measured. A signature that shows nothing names no ship,
-    which counts as wrong.
+    Answers are -1 where a view is missing or not measured. A signature without any return names no
+    ship and counts as wrong.
     """
     profiles = np.moveaxis(signature, 2, 0)
     absent = np.asarray(np.isnan(profiles).any(axis=-1))

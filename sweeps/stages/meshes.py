@@ -27,7 +27,7 @@ from sweeps.stages.ships import ShipName
 if TYPE_CHECKING:
     import trimesh
 
-AS_IT_IS = Transform()  # of a mesh that is in the ship frame
+NO_TRANSFORM = Transform()  # of a mesh that is in the ship frame
 FEW_SHIPS = 4  # up to this many are built while workers import; more are built first, in parallel
 LINE_INTERVAL = 10.0  # s between lines
 
@@ -40,7 +40,7 @@ class MeshSource:
 
     name: str
     digest: str
-    transform: Transform = AS_IT_IS
+    transform: Transform = NO_TRANSFORM
 
     @property
     def identity(self) -> str:
@@ -74,7 +74,7 @@ def description(source: MeshSource) -> ncti.ships.Description:
 
 @lru_cache(maxsize=16)
 def is_symmetric(source: MeshSource) -> bool:
-    """Return whether both sides of a ship are alike."""
+    """Return whether a ship is symmetric about its centre plane."""
     return ncti.ships.is_symmetric(read_mesh(source))
 
 
@@ -90,7 +90,7 @@ def vertices(ship: ShipName) -> NDArray[np.float64]:
 
 
 def fault_hint(ship: ShipName) -> str:
-    """Return a hint at a ship's fault for the end of a message; empty if there is none."""
+    """Return the end of a message: a ship's fault and its remedy; empty without a fault."""
     described = description(mesh_source(ship))
     suggested = described.suggested_transform
     if suggested is None:
@@ -106,7 +106,7 @@ def check(ships: Sequence[ShipName]) -> None:
     missing = [source.name for source in sources if not is_built(source.name, cache=folder)]
     if len(missing) > FEW_SHIPS:
         LOG.warning("building %d ships (once)", len(missing))
-        build_in_parallel(missing, cache=folder, progress=_progress_of(len(missing)))
+        build_in_parallel(missing, cache=folder, progress=_make_progress_logger(len(missing)))
     for source in sources:
         try:
             description(source)
@@ -114,7 +114,7 @@ def check(ships: Sequence[ShipName]) -> None:
             raise ConfigurationError(f"grid.ship has {source.name!r}: {error}") from error
 
 
-def _progress_of(count: int) -> Callable[[int], None]:
+def _make_progress_logger(count: int) -> Callable[[int], None]:
     """Return a function that says every few seconds how many ships are built."""
     latest = time.monotonic()
 
@@ -128,7 +128,7 @@ def _progress_of(count: int) -> Callable[[int], None]:
 
 
 def cache_folder() -> Path:
-    """Return the folder of finished results: that of the environment, or the user's."""
+    """Return the cache folder: the one named by `CACHE_VARIABLE`, or the user's default."""
     folder = os.environ.get(CACHE_VARIABLE)
     return Path(folder) if folder else user_cache_path("ncti-sweep")
 

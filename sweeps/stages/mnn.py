@@ -31,7 +31,7 @@ RAW, FLOOR_REMOVED, STANDARDISED = "raw", "floor_removed", "standardised"
 
 
 # Arrays of a fitted network: its attributes, the layers' attributes, and their dimensions.
-WHOLE = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
+VECTORS = {"classes_": "class", "centre_": "feature", "scale_": "feature"}
 LAYERS = {
     "weights_": (("node", "feature"), ("class", "node")),
     "offsets_": (("node",), ("class",)),
@@ -85,7 +85,7 @@ mnn_settings = derived(reads=settings_by_last_word(Mnn), name="mnn_settings")(ke
     Output("presentations", dtype="i4", label="epochs trained"),
     Output("hidden", dtype="i2", label="hidden nodes"),
     Output("loss", label="mean square error of the outputs at the end"),
-    *(inner(name, (dim,), "i8" if name == "classes_" else "f8") for name, dim in WHOLE.items()),
+    *(inner(name, (dim,), "i8" if name == "classes_" else "f8") for name, dim in VECTORS.items()),
     *(
         inner(f"{name}{layer}", dims, "f8")
         for name, layer_dims in LAYERS.items()
@@ -150,8 +150,8 @@ def mnn(
     network = from_arrays(mnn_training)
     classes = np.full(averaged.shape[:-1], NO_ANSWER)
     flat = averaged.reshape(len(classes), -1, averaged.shape[-1])
-    for f, of_count in enumerate(classes):
-        of_count[valid] = predict_classes(network, flat, valid, inputs, f)
+    for f, frame_classes in enumerate(classes):
+        frame_classes[valid] = predict_classes(network, flat, valid, inputs, f)
     bins = len(aspect_bins(aspect)[0])
     answers = classifier.mark_answers(classes // bins, valid)
     right = np.where(valid, classes == view_classes(valid.shape, aspect), NO_ANSWER)
@@ -193,7 +193,7 @@ def network_inputs(profiles: Profiles, inputs: str) -> NDArray[np.floating]:
 def to_arrays(network: GainAnnealedNetwork) -> Arrays:
     """Return the arrays of a fitted network, since a cache holds no pickles."""
     layers = {f"{name}{k}": getattr(network, name)[k] for name in LAYERS for k in range(2)}
-    return {name: getattr(network, name) for name in WHOLE} | layers
+    return {name: getattr(network, name) for name in VECTORS} | layers
 
 
 def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
@@ -202,7 +202,7 @@ def from_arrays(arrays: Arrays) -> GainAnnealedNetwork:
 
     network = GainAnnealedNetwork()
     network.n_features_in_ = arrays["centre_"].size
-    for name in WHOLE:
+    for name in VECTORS:
         setattr(network, name, arrays[name])
     for name in LAYERS:
         setattr(network, name, [arrays[f"{name}{k}"] for k in range(2)])

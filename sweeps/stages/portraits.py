@@ -66,8 +66,8 @@ def portrait(mesh: trimesh.Trimesh) -> dict[str, Any]:
 def draw_portrait(mesh: trimesh.Trimesh) -> tuple[float, NDArray[np.float32]]:
     """Return the pixel [m] and the brightness, (row, column), of a ship that fills the picture.
 
-    Row 0 is the lowest. Every ray through the middle of a pixel sees the nearest facet, lit as a
-    diffuse surface by a lamp above the right shoulder; NaN where it meets none.
+    Row 0 is the lowest. Cast a ray through each pixel centre and shade the nearest facet as a
+    diffuse surface, lit from above right of the viewer; NaN where the ray hits none.
     """
     right, up, away = View(ASPECT, DEPRESSION, roll=0.0).axes
     corners = np.asarray(mesh.vertices)
@@ -106,7 +106,7 @@ def warning(
 
 
 def _quote_for_hydra(word: str) -> str:
-    """Return a text as Hydra reads it inside a mapping."""
+    """Quote a string for a mapping in a Hydra override."""
     if re.fullmatch(r"[\w./-]+", word, re.ASCII):
         return str(word)
     escaped = word.replace("\\", "\\\\").replace('"', '\\"')

@@ -91,7 +91,7 @@ class ShipName(str):
 class Ships(Text):
     """Ships: one or several names, or paths of sheets and meshes.
 
-    With `entries`, mappings with these keys are ships, too.
+    With `entries`, a mapping with these keys is also accepted as a ship.
     """
 
     entries: tuple[Setting, ...] = ()
@@ -160,5 +160,5 @@ def _is_path(name: str) -> bool:
 
 
 def ships(default: Any, *, entries: tuple[Setting, ...] = (), **about: Any) -> Setting:
-    """Return a setting of one or several ships; other arguments as of `Setting`."""
+    """Return a setting of one or several ships; `about` has further arguments of `Setting`."""
     return Setting(Ships(null=default is None, entries=entries), default, **about)

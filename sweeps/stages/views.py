@@ -295,7 +295,7 @@ def check(choices: Choices) -> None:
 
 
 def check_ranges(choices: Choices, setting: Setting, beam: Setting, *, part: float = 1.0) -> None:
-    """Refuse (`ConfigurationError`) slant ranges beyond the scene, and those of `check_beam`."""
+    """Refuse (`ConfigurationError`) slant ranges beyond the scene or refused by `check_beam`."""
     scenes = (choices[setting] for setting in (Scene.geometry, Scene.altitude, Scene.earth_radius))
     for slant_range, (geometry, *earth) in product(choices[setting], [*product(*scenes)]):
         try:
@@ -321,7 +321,7 @@ STATUS = Status("view", "state of the sensors' results for a view", (Grid.ship, 
 
 
 def loops(choices: Choices) -> list[CompiledLoops]:
-    """Return the loops that engines draw by, and that bin their pixels."""
+    """Return the compiled loops of the engines, and of the binning of their pixels."""
     used = {*choices[Render.engine]}
     return [*map(engine_loops, sorted(used)), *([BOXES] if used != {LINES} else [])]
 
