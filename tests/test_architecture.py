@@ -14,7 +14,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 
-ROOMS = yaml.safe_load(Path(__file__).with_name("layers.yaml").read_text())
+ALLOWED_IMPORTS = yaml.safe_load(Path(__file__).with_name("layers.yaml").read_text())
 OTHERS = ("ncti.*", "studies.*")  # packages that have no rule of their own
 OURS = ("ncti", "studies", "sweeps")
 PROJECT = {"ncti", "studies", "sweeps", "benchmarks", "docs"}
@@ -26,7 +26,7 @@ OF_THE_EXPERIMENT = (
 )
 
 
-def room(module: str) -> str:
+def package_of(module: str) -> str:
     return ".".join(module.split(".")[:2])
 
 
@@ -56,17 +56,17 @@ def name_of(path: Path) -> str:
 
 def rule(own: str) -> list[str]:
     """Return the names that a package may import besides itself."""
-    return ROOMS[own if own in ROOMS else f"{own.partition('.')[0]}.*"]
+    return ALLOWED_IMPORTS[own if own in ALLOWED_IMPORTS else f"{own.partition('.')[0]}.*"]
 
 
 def violations(path: Path) -> list[str]:
     """Return imports of a module that its package may not have."""
-    own = room(name_of(path))
+    own = package_of(name_of(path))
     found = []
     for name in imports(path):
         top = name.split(".")[0]
         if top in PROJECT and name != own.split(".")[0]:
-            if not {top, room(name)} & {own, *rule(own)}:
+            if not {top, package_of(name)} & {own, *rule(own)}:
                 found.append(f"{own} imports {name}")
         elif top in ONLY_THE_ENGINE and own != "sweeps.engine" and (own, top) not in ALLOWED_OTHERS:
             found.append(f"{own} imports {name}")
@@ -87,13 +87,15 @@ def test_benchmarks_never_import_docs(path):
 
 
 def test_every_import_rule_names_an_existing_layer():
-    rooms = {room(name_of(path)) for path in CODE}
-    assert set(ROOMS) - {*OTHERS} <= rooms
-    assert all(name in ROOMS or f"{name.partition('.')[0]}.*" in OTHERS for name in rooms)
+    packages = {package_of(name_of(path)) for path in CODE}
+    assert set(ALLOWED_IMPORTS) - {*OTHERS} <= packages
+    assert all(
+        name in ALLOWED_IMPORTS or f"{name.partition('.')[0]}.*" in OTHERS for name in packages
+    )
 
 
 # Layers of the engine, the lowest first; a package imports from lower layers and from itself.
-FLOORS = (
+ENGINE_LAYERS = (
     *(("declare",), ("objects", "resolve"), ("cache",), ("run",), ("store",), ("sweeping",)),
     ("command", "function"),
 )
@@ -110,15 +112,14 @@ def engine_imports(path: Path) -> set[str]:
 def test_engine_packages_import_only_from_lower_layers(path):
     if name_of(path) in FRONT:
         return
-    floor = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
+    level = {name: number for number, layer in enumerate(ENGINE_LAYERS) for name in layer}
     own = name_of(path).split(".")[2]
     others = {name.split(".")[2] for name in engine_imports(path)} - {own}
-    assert all(floor[other] < floor[own] for other in others)
+    assert all(level[other] < level[own] for other in others)
 
 
 def test_engine_modules_have_no_import_cycles():
     left = {name_of(path): engine_imports(path) for path in modules("sweeps/engine")}
-    left["sweeps.engine.command"] = set()  # which only names its `Command`
     while free := {name for name, needed in left.items() if not needed & left.keys()}:
         left = {name: needed for name, needed in left.items() if name not in free}
     assert left == {}

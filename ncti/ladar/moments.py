@@ -16,7 +16,7 @@ from ncti.ladar.pulse import Pulse, noise_by_lag, noise_floor, target_kernel
 # Share of the variance of one target-free IFOV below which field powers and covariances are
 # neglected. The error for a view of 30 IFOVs is then some 1e-12 of its variance.
 NEGLIGIBLE = 1e-12
-PLACES_AT_ONCE = 500_000  # pairs of bins processed at once, in some megabytes
+PAIRS_PER_BLOCK = 500_000  # pairs of bins, which bounds memory to some megabytes
 
 Floats = NDArray[np.float64]
 
@@ -195,7 +195,7 @@ def banded_frame_moments(
     variance = power[:, ::2] + noise[0]
     live = power[:, ::2] > NEGLIGIBLE * noise[0]
     n_z = pulse.n_z
-    everywhere = len(power) + target_free_ifovs
+    ifov_count = len(power) + target_free_ifovs
 
     # Means and variances, which need no elliptic integral.
     sigma = np.sqrt(variance)
@@ -209,7 +209,7 @@ def banded_frame_moments(
 
     # Every lag: the floor's covariance times the number of IFOVs, plus the excess of the pairs of
     # bins that a target reaches, in blocks of lags to bound the memory.
-    lags_per_block = max(1, PLACES_AT_ONCE // max(1, live.size))
+    lags_per_block = max(1, PAIRS_PER_BLOCK // max(1, live.size))
     for first in range(1, lags, lags_per_block):
         last = min(first + lags_per_block, lags)
         lag, ifov, n = _target_pairs(live, first, last)
@@ -217,9 +217,9 @@ def banded_frame_moments(
         scale = sigma.take(index) * sigma.take(index + lag)
         field = decay.take(lag) * power.take(2 * index - ifov + lag) + noise.take(lag)
         excess = scale * _bracket(np.square(field / scale)) - floor.take(lag)
-        place = (lag - first) * bins + n
-        band = np.bincount(place, weights=excess, minlength=(last - first) * bins)
-        covariance[first:last] = band.reshape(-1, bins) + everywhere * floor[first:last, None]
+        flat_index = (lag - first) * bins + n
+        band = np.bincount(flat_index, weights=excess, minlength=(last - first) * bins)
+        covariance[first:last] = band.reshape(-1, bins) + ifov_count * floor[first:last, None]
     for shift in range(1, lags):
         covariance[shift, bins - shift :] = 0.0
     return mean * math.sqrt(math.pi / 2), covariance / frame_count

@@ -92,8 +92,8 @@ def lines_within(
     Notes
     -----
     The relative error of lines t apart is typically (t / t0)^1.6. The first spacing follows from
-    the tolerance, the extents of the ship in the view and the resolution in range: four views of
-    five need no more lines. In the others, the bound determines the divisor of the spacing;
+    the tolerance, the extents of the ship in the view and the resolution in range: it
+    suffices in seven views out of ten. Otherwise, the bound determines the divisor of the spacing;
     existing lines are kept, and only those between them are drawn. The bound must be within 0.7 of
     the tolerance, because a few bounds are too small: of 5,600 errors, none then exceeded its
     tolerance, and four did with 0.85. The tolerance holds at the view's range; at any finite range

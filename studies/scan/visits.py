@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ncti.classify.likelihood import GaussianTemplates
 
 CACHED_CLASSIFIERS = 8  # classifiers kept, one for each number of IFOVs of a visit
-STEP = 1.2  # ratio of successive numbers: keeps the noise variance within a tenth
+IFOV_STEP = 1.2  # ratio of successive numbers of IFOVs: keeps the noise variance within a tenth
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class VisitTemplates:
 
     `mean` (template, bin) and `band` (template, lag, bin), a lower band, are mean and covariance of
     one frame of the ship's `ifovs` (template,), and `noise`, (bin,) and (lag, bin), those of an
-    IFOV without target; `ship` (template,) are numbers.
+    IFOV without target; `ship` (template,) are indices of ships.
     """
 
     mean: Floats
@@ -109,12 +109,12 @@ class VisitTemplates:
         """Return the most probable ships of (visit, bin) averages, and their similarity.
 
         Similarity is the largest cosine of a profile vector with those of that ship's templates.
-        The classifier is fitted for the power of `STEP` nearest to the visit's number of IFOVs, and
-        averages are shifted to its floor.
+        The classifier is fitted for the power of `IFOV_STEP` nearest to the visit's number of
+        IFOVs, and averages are shifted to its floor.
         """
-        near = round(STEP ** round(math.log(ifovs, STEP)))
-        raised = averages + (near - ifovs) * self.noise[0]
-        ship = self.classifier_of(near).predict(raised, frame_count)
+        rounded_ifovs = round(IFOV_STEP ** round(math.log(ifovs, IFOV_STEP)))
+        shifted = averages + (rounded_ifovs - ifovs) * self.noise[0]
+        ship = self.classifier_of(rounded_ifovs).predict(shifted, frame_count)
         cosine = directions(averages) @ directions(self.mean).T
         cosine[ship[:, None] != self.ship] = -1.0
         return ship, cosine.max(axis=1)
@@ -175,7 +175,7 @@ def identify_visits(
     visits, sources = detected["visit"].tolist(), detected["source"].tolist()
     shape = len(frame_count), len(visits)
     predicted, similarity = np.full(shape, -1), np.full(shape, np.nan)
-    run: dict[int, list[tuple[int, Floats]]] = {}  # visits of one number of IFOVs
+    by_ifovs: dict[int, list[tuple[int, Floats]]] = {}  # visits of one number of IFOVs
     streams = rng.spawn(len(visits))
     for number, (edges, source, noise) in enumerate(zip(visits, sources, streams, strict=True)):
         visit = Box(*edges)
@@ -184,8 +184,8 @@ def identify_visits(
         if source >= 0:
             extent = targets[source].extent_in(visit.relative_to(*origins[source]))
         averages = laser.averages(extent, ifovs, frame_count, noise)
-        run.setdefault(ifovs, []).append((number, averages))
-    for ifovs, group in run.items():
+        by_ifovs.setdefault(ifovs, []).append((number, averages))
+    for ifovs, group in by_ifovs.items():
         numbers = [number for number, _ in group]
         for f, count in enumerate(frame_count):
             frames = np.stack([averages[f] for _, averages in group])

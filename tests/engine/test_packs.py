@@ -14,18 +14,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from packed import keys, locations, same, write_pack, written
 
-from sweeps.engine import objects as places
 from sweeps.engine.cache import packs
 from sweeps.engine.cache.index import CellIndex
 from sweeps.engine.cache.packs import Pack, open_packs, read_cells, read_pack
-from sweeps.engine.objects import Objects
+from sweeps.engine.objects import UNREACHABLE, Objects
 from sweeps.engine.resolve.keys import digest, hash_bytes
 
 HEAD = re.compile(r"([0-9a-f]{16})[0-9a-f]{32}([0-9a-f]{8})[.]pack")
 
 
 @pytest.fixture(autouse=True)
-def anew():
+def clear_head_cache():
     """Clear the cache of heads of packs."""
     packs._read_head.cache_clear()
 
@@ -236,7 +235,7 @@ def test_running_out_of_descriptors_is_not_reported_as_damage(tmp_path, monkeypa
 def test_network_failure_is_not_reported_as_damage(bucket, monkeypatch):
     cells = open_packs(bucket)
     pack = written(cells, 1)
-    monkeypatch.setattr(places, "RETRIES", 1)
+    monkeypatch.setattr("sweeps.engine.objects.RETRIES", 1)
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     for read in (
         lambda there: read_cells(there, locations(pack.path, [0], [1])),
@@ -245,5 +244,5 @@ def test_network_failure_is_not_reported_as_damage(bucket, monkeypatch):
     ):
         with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
             read(open_packs(bucket))
-        assert failed.value.errno == places.UNREACHABLE
+        assert failed.value.errno == UNREACHABLE
         assert failed.value.filename == f"{bucket}/cells"

@@ -11,10 +11,9 @@ import pytest
 from buckets import SECRET
 from small_stores import array, below, files, opened, small
 
-from sweeps.engine import objects as places
 from sweeps.engine.declare.errors import ConfigurationError
 from sweeps.engine.declare.paths import path_or_url
-from sweeps.engine.objects import Objects
+from sweeps.engine.objects import UNREACHABLE, Objects
 from sweeps.engine.store.locks import store_lock
 from sweeps.engine.store.targets import check_cache_path, check_store_path, check_targets
 from sweeps.engine.store.writing import write_store
@@ -171,12 +170,12 @@ def test_missing_buckets_and_unreachable_endpoints_raise(bucket, monkeypatch):
         there.sizes()
     with pytest.raises(OSError, match="no such bucket"):
         there.put("a", b"")
-    monkeypatch.setattr(places, "RETRIES", 1)
+    monkeypatch.setattr("sweeps.engine.objects.RETRIES", 1)
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     for method, arguments in (("sizes", ()), ("get", ("a",)), ("put", ("a", b""))):
         with pytest.raises(OSError, match=r"^[^\n]*$") as failed:
             getattr(Objects(bucket), method)(*arguments)
-        assert failed.value.errno == places.UNREACHABLE
+        assert failed.value.errno == UNREACHABLE
         assert not isinstance(failed.value, FileNotFoundError)
         assert failed.value.filename == bucket
         assert SECRET not in str(failed.value)

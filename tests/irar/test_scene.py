@@ -85,9 +85,9 @@ def test_a_plan_sees_the_whole_ship(aspect, offset, length, mast, **given_):
     [
         ({"samples": 60}, r"^samples is 60, .* at least \d+"),
         ({"range_gate": 40.0}, r"^range_gate is 40 m, .* at least 53"),
-        ({"slant_range": 100.0}, r"^slant_range is 100, .* at least \d+, twice"),
+        ({"slant_range": 100.0}, r"^slant_range is 100 m, .* at least \d+ m, twice"),
         ({"line_rate": 50_000.0, "pulse_rate": 1e8}, r"^line_rate is 50000, .* at most"),
-        ({"depression": 0.01}, r"^slant_range is 3900, .* at least \d+, twice"),
+        ({"depression": 0.01}, r"^slant_range is 3900 m, .* at least \d+ m, twice"),
         ({"pointing": 60.0}, r"^pointing is 60, .* nearer 5"),
         ({"offset": 60.0}, r"^offset is 60, .* nearer 0"),
     ],

@@ -101,8 +101,9 @@ class CellIndex:
         """Drop keys of damaged cells, (cell, 2), including older copies; packs stay."""
         self.refresh()
         for key in keys:
-            halves, last_key = self._locations.keys[:, 0], key[0] + np.uint64(1)
-            first, last = np.searchsorted(halves, [key[0], last_key])
+            first_halves = self._locations.keys[:, 0]
+            first = np.searchsorted(first_halves, key[0], side="left")
+            last = np.searchsorted(first_halves, key[0], side="right")
             equal = (self._locations.keys[first:last] == key).all(axis=1)
             self._locations.pack[first:last][equal] = NO_PACK
 

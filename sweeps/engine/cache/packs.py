@@ -205,7 +205,7 @@ class PackWriter:
         self.parts.append(record)
 
     def write(
-        self, cells: Objects, stage: str, keys: Keys, seconds: float = 0.0, folder: str = ""
+        self, objects: Objects, stage: str, keys: Keys, seconds: float = 0.0, folder: str = ""
     ) -> Pack:
         """Write the cells, whose keys are (cell, 2), as a new pack; OSError if that fails.
 
@@ -221,7 +221,7 @@ class PackWriter:
         size, parts = sum(map(len, self.parts)), self.parts
         step = READ_BYTES * len(parts) // (size + 1) + 1  # parts per block of about READ_BYTES
         blocks = (b"".join(parts[k : k + step]) for k in range(0, len(parts), step))
-        cells.put(path, chain((head,), blocks))
+        objects.put(path, chain((head,), blocks))
         return Pack(path, len(head) + size, len(keys), stage, seconds)
 
 
@@ -264,12 +264,12 @@ def raise_resource_error(error: BaseException) -> None:
 
 
 @lru_cache(maxsize=CACHED_HEADS)
-def _read_head(cells: Objects, path: str) -> Head:
+def _read_head(objects: Objects, path: str) -> Head:
     """Return the head of a pack; raise an exception of any kind if it is bad."""
-    return Head.parse(path, bytes(cells.read_range(path, 0, _parse_path(path)[1])))
+    return Head.parse(path, bytes(objects.read_range(path, 0, _parse_path(path)[1])))
 
 
-def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
+def read_cells(objects: Objects, locations: Locations) -> list[Arrays | None]:
     """Return the outputs of cells, (cell,), in one pass over each pack.
 
     A cell is None if it is absent, has another key, or does not match its digest. Damaged packs
@@ -283,11 +283,11 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
     outputs: list[Arrays | None] = [None] * len(locations)
     order = np.lexsort((locations.row, locations.pack))
     order = order[locations.pack[order] >= 0]
-    begins = np.flatnonzero(np.diff(locations.pack[order], prepend=-1))
-    for indices in np.split(order, begins[1:]) if order.size else ():
+    group_starts = np.flatnonzero(np.diff(locations.pack[order], prepend=-1))
+    for indices in np.split(order, group_starts[1:]) if order.size else ():
         rows, path = locations.row[indices], locations.paths[locations.pack[indices[0]]]
         with ignore_damage():
-            head = _read_head(cells, path)
+            head = _read_head(objects, path)
             in_range = np.flatnonzero(rows < len(head.keys))
             equal = head.keys[rows[in_range]] == locations.keys[indices[in_range]]
             matching = in_range[equal.all(axis=1)]
@@ -295,17 +295,17 @@ def read_cells(cells: Objects, locations: Locations) -> list[Arrays | None]:
             gaps, blocks = begins[1:] - ends[:-1], np.diff(begins // READ_BYTES)
             splits = np.flatnonzero((gaps > MAX_GAP) | (blocks != 0))
             for run in np.split(matching, splits + 1):
-                _read_run(cells, path, head, rows[run], indices[run], outputs)
+                _read_run(objects, path, head, rows[run], indices[run], outputs)
     return outputs
 
 
-def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
+def distinct_layouts(objects: Objects, locations: Locations) -> list[Layout]:
     """Return the distinct layouts of cells, (cell,), by first appearance; skip damaged packs."""
     first_indices: dict[Any, int] = {}
     for pack in np.unique(locations.pack).tolist():
         indices = np.flatnonzero(locations.pack == pack)
         with ignore_damage():
-            head = _read_head(cells, locations.paths[pack])
+            head = _read_head(objects, locations.paths[pack])
             numbers, first = np.unique(head.numbers[locations.row[indices]], return_index=True)
             for number, index in zip(numbers.tolist(), indices[first].tolist(), strict=True):
                 layout = tuple((name, code, shape) for name, code, shape, _ in head.layouts[number])
@@ -313,14 +313,14 @@ def distinct_layouts(cells: Objects, locations: Locations) -> list[Layout]:
     return sorted(first_indices, key=first_indices.__getitem__)
 
 
-def iter_cells(cells: Objects, locations: Locations) -> Iterator[Arrays | None]:
+def iter_cells(objects: Objects, locations: Locations) -> Iterator[Arrays | None]:
     """Yield the outputs of cells, as `read_cells` does, holding `CELLS_AT_ONCE` in memory."""
     for first in range(0, len(locations), CELLS_AT_ONCE):
-        yield from read_cells(cells, locations[first : first + CELLS_AT_ONCE])
+        yield from read_cells(objects, locations[first : first + CELLS_AT_ONCE])
 
 
 def _read_run(
-    cells: Objects,
+    objects: Objects,
     path: str,
     head: Head,
     rows: Numbers,
@@ -331,16 +331,16 @@ def _read_run(
     if not len(rows):
         return
     first = int(head.begins[rows[0]])
-    content = cells.read_range(path, first, int(head.ends[rows[-1]]))
+    content = objects.read_range(path, first, int(head.ends[rows[-1]]))
     begins, ends = (head.begins[rows] - first).tolist(), (head.ends[rows] - first).tolist()
     for index, row, begin, end in zip(indices.tolist(), rows.tolist(), begins, ends, strict=True):
         outputs[index] = head.arrays(row, content[begin:end])
 
 
-def read_pack(cells: Objects, path: str, size: int) -> tuple[Pack, Keys]:
+def read_pack(objects: Objects, path: str, size: int) -> tuple[Pack, Keys]:
     """Return the description and keys of a pack; no cells if its head cannot be read."""
     with ignore_damage():
-        head = _read_head.__wrapped__(cells, path) if _parse_path(path)[1] <= size else None
+        head = _read_head.__wrapped__(objects, path) if _parse_path(path)[1] <= size else None
         if head is None or head.pack.size != size:
             raise ValueError("it is longer or shorter than it was")
         return head.pack, head.keys.copy()

@@ -517,10 +517,12 @@ def _unneeded_message(name: str, keys: Collection[str], inputs: Iterable[BoundSt
     """Return the message on axes of `along` or `gather` on which no input depends."""
     listed = ", ".join(sorted(keys))
     upstream = (bound for source in inputs for bound in (source, *source.inputs) if bound.random)
-    drawing = next((bound.name for bound in upstream), "")
-    hint = f"; to let {drawing}, which takes rng, draw anew for each, name the settings of its"
-    stream = f"{hint} stream: stream=Stream((..., {listed}))" * bool(drawing)
-    return f"stage {name} does not need {listed}{stream}"
+    drawing = next((bound.name for bound in upstream), None)
+    message = f"stage {name} does not need {listed}"
+    if drawing is None:
+        return message
+    hint = f"to let {drawing}, which takes rng, draw anew for each, name the settings of its stream"
+    return f"{message}; {hint}: stream=Stream((..., {listed}))"
 
 
 def value_token(value: Value) -> str:

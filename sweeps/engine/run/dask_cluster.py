@@ -119,9 +119,9 @@ class DaskExecutor:
         # wakes up ten times a second, to handle interrupts
         batch = self._completed.next_batch()
         done = [future for future in batch if future.status == "finished"]
-        try:  # at once, which takes a quarter of the time
+        try:  # all in one call, in a quarter of the time
             results = dict(zip(done, self._client.gather(done), strict=True))
-        except (Exception, CancelledError):  # of some tasks, whose errors follow
+        except (Exception, CancelledError):  # some tasks failed: `_outcome` handles each
             results = {}
         return [self._outcome(future, results) for future in batch]
 
@@ -264,7 +264,7 @@ def _check_scheduler(url: str, security: Security) -> None:
         async with rpc(url, connection_args=security.get_connection_args("client")) as peer:
             return (await asyncio.wait_for(peer.identity(), ANSWER_SECONDS))["type"]
 
-    # in another thread: a notebook's has a running event loop
+    # In another thread: the main thread of a notebook already runs an event loop.
     kind = _thread.submit(asyncio.run, connect()).result()
     if not kind.endswith("Scheduler"):
         raise ValueError(f"{url} is a {kind}")

@@ -240,7 +240,7 @@ class _RunningBatch:
         for cell, arrays in enumerate(cells, begin):
             self.packing.add(arrays)
             self.packed.append(cell)
-        for output in stage.fixed_shape:  # a call's cells are of one array
+        for output in stage.fixed_shape:  # all cells of a call are slices of one array
             self.shapes.add((stage.name, output, cells[0][output].shape))
 
     def _call_and_check(self, number: int, arguments: Mapping[str, Any]) -> list[Arrays]:
@@ -301,7 +301,7 @@ def _prefetch_inputs(batch: Batch, packs: Objects, start: int = 0) -> Iterator[I
         stop = min(start + window, len(batch))
         prefetched, size = _read_inputs(stored, packs, start, stop)
         while prefetched:
-            yield prefetched.pop(0)  # and hold it no longer
+            yield prefetched.pop(0)  # without a reference, to free its memory
         fitting = AHEAD_BYTES * (stop - start) // max(size, 1)
         start, window = stop, min(max(fitting, 1), 8 * window, AHEAD_CALLS)
 
@@ -468,7 +468,9 @@ def check_result(
     """
     first = outputs[0]
     if isinstance(first, UndeclaredOutput):
-        if first.is_number and _is_number(result):  # at once: many functions are quick
+        if first.is_number and _is_number(
+            result
+        ):  # fast path: many functions return a plain number
             return {first.name: np.array(result, FLOAT)}
         declared, meta = split_variables(first, result)
         arrays = {
@@ -492,11 +494,13 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < INT_LIMIT)
 
 
-def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...]) -> NDArray[Any]:
+def _check_output(
+    stage: str, output: Output, values: Any, leading_shape: tuple[int, ...]
+) -> NDArray[Any]:
     """Return one output as an array."""
     dtype = _dtype(output.dtype)
     if dtype.kind == "f" and _is_number(values) and abs(values) <= _max_float(output.dtype):
-        array = np.array(values, dtype)  # the general way takes 10 us
+        array = np.array(values, dtype)  # fast path: the general path takes 10 us
     elif values is None:
         hint = f"values that the dtype {output.dtype} holds; a return may be missing"
         raise _output_error(stage, output, "None", hint)
@@ -511,9 +515,10 @@ def _check_output(stage: str, output: Output, values: Any, along: tuple[int, ...
             if dtype.kind not in "fc":
                 raise _output_error(stage, output, "masked values")
             array = np.where(masked, dtype.type(np.nan), array)
-    if array.shape[: len(along)] != along or array.ndim != len(along) + len(output.dims):
-        leading = f"{along}, the numbers of values computed together, and " if along else ""
-        allowed = f"one of {leading}{len(output.dims)} dimensions of its own"
+    count = len(leading_shape)
+    if array.shape[:count] != leading_shape or array.ndim != count + len(output.dims):
+        leading = f" after {leading_shape}, the values computed together" if leading_shape else ""
+        allowed = f"one of {len(output.dims)} dimensions{leading}"
         raise _output_error(stage, output, f"an array of shape {array.shape}", allowed)
     return array
 
