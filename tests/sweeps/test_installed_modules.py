@@ -2,15 +2,23 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from commands import opened
 
 from sweeps import Command
-from sweeps.engine.declare.errors import DeclarationError
+from sweeps.engine.declare.errors import ConfigurationError, DeclarationError
 from sweeps.engine.declare.stage import Stage
-from sweeps.experiment import CORE, INSTALLED, assemble, load_installed_modules, stages_of
+from sweeps.experiment import (
+    CORE,
+    INSTALLED,
+    MODULES,
+    assemble,
+    load_installed_modules,
+    stages_of,
+)
 
 SOUNDER = '''
 """A depth sounder."""
@@ -86,6 +94,22 @@ def test_installed_package_adds_its_module_and_experiment(package, folder, capsy
     assert set(depths.data_vars) == {"depth"}
     depth = depths.depth.transpose("aspect", "offset")
     np.testing.assert_array_equal(depth, [[1, 2], [91, 92]])
+
+
+@pytest.mark.parametrize(
+    ("attribute", "key"),
+    [
+        ("NAME", "classifier.name"),
+        ("SENSOR", "sensor"),
+        ("ENTRIES", "benchmark.classifier"),
+    ],
+)
+def test_settings_accept_words_declared_by_added_modules(attribute, key):
+    words = ("first", "second") if attribute == "ENTRIES" else "first"
+    setting = assemble(*MODULES, SimpleNamespace(**{attribute: words})).by_key[key]
+    assert setting.values(["first"]) in (("first",), (("first",),))
+    with pytest.raises(ConfigurationError, match="'third', but must be"):
+        setting.values(["third"])
 
 
 def test_unimportable_module_is_reported(package):
