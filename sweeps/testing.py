@@ -75,15 +75,15 @@ def _ignore(sentence: str) -> None:
 def _difference(schedule: Schedule, index: CellIndex, bound: BoundStage, cell: int) -> str:
     """Return the difference between a computed cell and the same cell computed alone, if any."""
     locations = schedule.locations[schedule.results[bound][[cell]]]
-    [first] = iter_cells(index.cells, locations)
+    [first] = iter_cells(index.objects, locations)
     planned = schedule.make_batch(bound, [np.array([cell])])
     drop_objects()
-    [outcome] = run_batches((planned.batch,), [0], index.cells).outcomes
+    [outcome] = run_batches((planned.batch,), [0], index.objects).outcomes
     drop_objects()
     if outcome.pack is None:
         return f"it raises {outcome.failed[0].reason}"
     pack = np.array([index.add(outcome.pack)], np.int32)
-    [second] = iter_cells(index.cells, replace(locations, pack=pack, row=np.zeros_like(pack)))
+    [second] = iter_cells(index.objects, replace(locations, pack=pack, row=np.zeros_like(pack)))
     if first is None or second is None:
         return "it cannot be read back from the disk"
     for name in (output.name for output in bound.stage.outputs if output.role != MEASURED):

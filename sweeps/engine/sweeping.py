@@ -162,7 +162,7 @@ def _compute_and_write(
                     workers = None
                 failures += _write(schedule, options, index, callbacks, check, workers)
             except DamagedResultsError as error:
-                damaged = sorted(_damaged_keys(schedule, index.cells).union(error.args))
+                damaged = sorted(_damaged_keys(schedule, index.objects).union(error.args))
                 keys = np.frombuffer(b"".join(damaged), np.uint64).reshape(-1, 2)
                 message = f"{len(damaged):,} results in the cache are damaged"
                 callbacks.say(f"{message} and are computed again")
@@ -211,7 +211,7 @@ def _compute(
         tasks=sum(calls for *_, calls in missing),
         packages=plan.experiment.code,
         modules=modules_of(plan.bound.values()),
-        packs=index.cells,
+        packs=index.objects,
         say=callbacks.say,
     )
     executor_future = thread.submit(stack.enter_context, executor_context)
@@ -309,7 +309,7 @@ def _write(
     """
     raise_if_stopped()
     plan, failed = schedule.plan, schedule.failed
-    cube = Cube(schedule, index.cells)
+    cube = Cube(schedule, index.objects)
     failures = {
         plan.cell_name(bound, cell): failed[results[cell]]
         for bound in plan.bound.values()

@@ -27,22 +27,22 @@ class CellIndex:
     """Index of the packs of a cache, or of some of its folders; `say` is called with warnings."""
 
     def __init__(
-        self, cells: Objects, say: Callable[[str], None], folders: Iterable[str] = ("",)
+        self, objects: Objects, say: Callable[[str], None], folders: Iterable[str] = ("",)
     ) -> None:
-        self.cells = cells
+        self.objects = objects
         self.packs: list[Pack] = []
         self.paths: list[str] = []  # of all packs, by number
         self._new: dict[int, Keys | None] = {}  # keys, if read, of packs that are not indexed yet
         # All cells, sorted by the first half of their key, the newest of equal cells last.
         self._locations = replace(NO_LOCATIONS, paths=self.paths)
-        listings = cells.map(cells.list_objects, folders)
+        listings = objects.map(objects.list_objects, folders)
         files = [file for listing in listings for file in listing.values()]
         packs = [file for file in files if file["path"].endswith(PACK)]
         # In the order of writing, by the clock of the disk or bucket, then by that of the writer.
         packs.sort(key=lambda file: (file["last_modified"], file["path"].rpartition("/")[2]))
 
         def read(file: ObjectMeta) -> tuple[Pack, Keys]:
-            return read_pack(cells, file["path"], file["size"])
+            return read_pack(objects, file["path"], file["size"])
 
         with ThreadPoolExecutor(READERS) as pool:  # each waits for a bucket's answer
             for pack, keys in pool.map(read, packs):
@@ -66,7 +66,7 @@ class CellIndex:
         for number, pack_keys in self._new.items():
             pack = self.packs[number]
             if pack_keys is None:
-                _, pack_keys = read_pack(self.cells, pack.path, pack.size)
+                _, pack_keys = read_pack(self.objects, pack.path, pack.size)
             keys.append(pack_keys)
             packs.append(np.full(len(pack_keys), number, np.int32))
             rows.append(np.arange(len(pack_keys), dtype=np.int32))
@@ -130,10 +130,10 @@ class CellIndex:
         newest_first = np.cumsum([pack.size for pack in reversed(self.packs)])
         count = int(np.searchsorted(newest_first, limit, side="right"))
         oldest = self.packs[: len(self.packs) - count]
-        self.cells.delete(pack.path for pack in oldest)
-        self.cells.delete(name for name in self.cells.sizes() if name.endswith(MARKER))
-        self.cells.delete_unfinished()
-        self.cells.remove_empty_folders()
+        self.objects.delete(pack.path for pack in oldest)
+        self.objects.delete(name for name in self.objects.sizes() if name.endswith(MARKER))
+        self.objects.delete_unfinished()
+        self.objects.remove_empty_folders()
         return sum(pack.cells for pack in oldest), sum(pack.size for pack in oldest)
 
     def size(self) -> tuple[int, int]:

@@ -70,7 +70,7 @@ def execute(
 
     def submit(task: Task) -> None:
         number, batches = next(numbers), tuple(planned.batch for planned in task.batches)
-        executor.submit(number, run_batches, batches, task.order, index.cells)
+        executor.submit(number, run_batches, batches, task.order, index.objects)
         under_way[number] = task
 
     while schedule.has_ready_calls or under_way or suspects:
