@@ -26,6 +26,12 @@ squares of these weights sum to (3/8)^2, and a half pixel has twice the spread o
 Within one half pixel of the ship's outline, ship and sea mix.
 """
 
+MIN_CONTRAST = 1e-30
+"""Smallest contrast that an error may be a fraction of [K].
+
+No sensor resolves so little, and the error of any scene relative to it fits into a float32.
+"""
+
 
 def detector_samples(fine: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return interlaced detector images (..., row - 1, col - 1) from four half-pixel positions.
@@ -190,7 +196,7 @@ def reconstruction_error(
     fine_target : (row, col) bool array_like
         True on the ship.
     contrast : float
-        Mean temperature of the ship above the mean sea [K], above 0.
+        Mean temperature of the ship above the mean sea [K], at least 1e-30.
 
     Returns
     -------
@@ -201,7 +207,7 @@ def reconstruction_error(
     Raises
     ------
     ValueError
-        If the contrast is not positive and finite, or the shapes differ.
+        If the contrast is too small or not finite, or the shapes differ.
 
     See Also
     --------
@@ -222,7 +228,7 @@ def reconstruction_error(
     >>> reconstruction_error(np.zeros((2, 2)), target, contrast=0.27)
     0.5
     """
-    require("contrast", contrast, positive=True)
+    require("contrast", contrast, minimum=MIN_CONTRAST)
     image, fine_target = np.asarray(image, dtype=np.float64), np.asarray(fine_target, dtype=bool)
     if image.shape[-2:] != fine_target.shape:
         raise ValueError(

@@ -22,6 +22,7 @@ from ncti.ladar.receivers import FALSE_ALARM, detect
 # Number of target-free IFOVs from which their sum is drawn as one Gaussian process: the sum of 100
 # Rayleigh magnitudes has skewness 0.063 and excess kurtosis 0.0025.
 GAUSSIAN_FROM = 100
+MAX_DRAWN = 2**17  # target-free IFOVs drawn one by one; a frame of 250 bins then takes seconds
 TARGET_FREE_ROW = 2**40  # row of the cells of IFOVs without target, beyond any ship
 
 
@@ -188,6 +189,11 @@ def frame_blocks(
     bins = extent.down_range.size
     pulse = Pulse(pulse_width, extent.bin_width)
     is_gaussian = receiver == "full_profile" and target_free_ifovs >= GAUSSIAN_FROM
+    if not is_gaussian and target_free_ifovs > MAX_DRAWN:
+        raise ValueError(
+            f"target_free_ifovs is {target_free_ifovs}, but must be at most {MAX_DRAWN} for the "
+            f"receiver {receiver}, which detects in each of them"
+        )
     from ncti.ladar.waveforms import accumulate_frames
     from ncti.normals import draw_key
 

@@ -111,7 +111,8 @@ class Ships(Text):
             ship = ship_name(value) if isinstance(value, str) else self._read_file(key, value)
             if ship in ships:
                 raise ConfigurationError(
-                    f"{key} has {quote_value(value)}, but already has a ship {str(ship)!r}"
+                    f"{key} has {quote_value(value)}, but only one ship may be named "
+                    f"{str(ship)!r}: give each once"
                 )
             ships.add(ship)
         return tuple(sorted(ships))

@@ -45,3 +45,19 @@ def test_false_alarm_rate_of_the_first_pulse_threshold():
     )
     alarms = np.count_nonzero(detect(frames[:, [10]], receiver="first_pulse", false_alarm=0.01))
     assert stats.binomtest(alarms, 60_000, 0.01).pvalue > 1e-3
+
+
+def test_too_many_individually_drawn_ifovs_are_refused():
+    extent = range_extent(plane(width=4, height=4), slant_range=1e5, window=40.0)
+    with pytest.raises(
+        ValueError, match=r"^target_free_ifovs is 200000, .* for the receiver first"
+    ):
+        sample_frames(
+            extent,
+            pulse_width=10e-9,
+            cnr=CNR,
+            frame_count=1,
+            target_free_ifovs=200_000,
+            receiver="first_pulse",
+            rng=np.random.default_rng(0),
+        )

@@ -211,7 +211,7 @@ TOO_LARGE = (
 OTHERS = {
     "infrared.contrast": {"slant_range": [None]},
     "infrared.noise_temperature": {"frame_count": NO_NUMBER},
-    "infrared.snr": {"nedt": [0.0]},
+    "infrared.snr": {"nedt": [0.0], "contrast_at_zero": [1e200]},
     "infrared.band_contrast": {"contrast_at_zero": [-400.0]},
     "infrared.detection_probability": {"false_alarm": [0.0, 1.0, NAN]},
     "infrared.image": {
@@ -226,7 +226,7 @@ OTHERS = {
         "footprint": [0.2],
         "extent": [(-5.0, 5.0, -50.0, 50.0), (50.0, -50.0, -50.0, 50.0), (-INF, 50, -50, 50)],
     },
-    "infrared.reconstruction_error": {"contrast": [0.0], "image": [np.zeros((2, 3))]},
+    "infrared.reconstruction_error": {"contrast": [0.0, 1e-300], "image": [np.zeros((2, 3))]},
     **{
         f"ladar.{name}": {"cnr": [-1.0, [100.0]]}
         for name in ("expected_profile", "frame_moments", "banded_frame_moments", "sample_frames")

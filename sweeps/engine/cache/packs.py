@@ -43,8 +43,9 @@ CACHED_HEADS = 16  # heads of packs that a process caches
 CELLS_AT_ONCE = 4096  # cells that are read together
 
 # Errors of this process, machine or network: they do not mean that a file is damaged.
-RESOURCE_ERRNOS = errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE
-RESOURCE_ERRORS = frozenset(RESOURCE_ERRNOS)
+RESOURCE_ERRORS = frozenset(
+    (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EINTR, UNREACHABLE)
+)
 
 Buffer = Any
 """Bytes-like object."""
